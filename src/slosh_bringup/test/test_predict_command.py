@@ -193,7 +193,7 @@ def test_limits_for_a_gantry_are_numbers_and_lines_of_a_protocol(capsys, tmp_pat
     assert f"protocol.delay(seconds={math.ceil(found['wait'])})" in said
     for words, told in (
         (["--gantry", "-3"], "--gantry -3: an acceleration above 0 is needed"),
-        ([], "give at least one TRAJECTORY, or --gantry"),
+        ([], "missing: TRAJECTORY; slosh help predict"),
     ):
         assert main(["predict", MODEL, "--limit", "0.01", *words]) == 2
         assert told in capsys.readouterr().err

@@ -42,6 +42,7 @@ from slosh_report.json_values import plain
 from slosh_report.text_table import aligned
 
 EXIT_EXCEEDED = 1
+MISSING = "missing: TRAJECTORY; slosh help predict shows how it is given, or give --gantry"
 HEADING = (
     "motion", "duration [s]", "peak [mm]", "linear peak [mm]", "peak time [s]", "azimuth [deg]",
     "residual [mm]", "settling time [s]", "safe from", "remarks",
@@ -133,6 +134,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Predicts the motions and prints the results; returns 1 if a limit is exceeded."""
+    if not arguments.trajectories and arguments.gantry is None:
+        raise SloshBringupError(MISSING)
     outputs = [arguments.output, arguments.plot, arguments.page]
     check_apart(outputs, [arguments.model, *arguments.trajectories])
     check_picture(arguments.plot)
@@ -146,8 +149,6 @@ def run(arguments: argparse.Namespace) -> int:
     )
     if arguments.gantry is not None:
         return _gantry(arguments, tray, limits)
-    if not arguments.trajectories:
-        raise SloshBringupError("give at least one TRAJECTORY, or --gantry")
     error = ModelError(arguments.sigma, arguments.epsilon)
     motions = read_motions(arguments)
     tell = Teller("predict")
