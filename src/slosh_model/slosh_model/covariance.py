@@ -66,6 +66,14 @@ class Covariance:
         errors: Array = np.sqrt(np.diag(self.array))
         return errors
 
+    @property
+    def principal_steps(self) -> Array:
+        """(P, P) one standard error along each principal axis of the correlation, in columns."""
+        scale = np.where(self.standard_errors > 0.0, self.standard_errors, 1.0)
+        values, axes = np.linalg.eigh(self.array / np.outer(scale, scale))
+        steps: Array = axes * np.sqrt(np.maximum(values, 0.0)) * scale[:, np.newaxis]
+        return steps
+
 
 def covariance_of(parameters: tuple[str, ...], matrix: Array) -> Covariance:
     """Creates a covariance from a computed matrix (P, P), which is made symmetric."""

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import trapezoid
 from scipy.spatial.transform import Rotation
 
 from slosh_base.types import Array
@@ -98,10 +97,11 @@ class StandingUse(NamedTuple):
 
 def liquid_centre(container: Container) -> float:
     """Returns the height of the liquid's centre of mass above the floor [m]."""
-    levels = container.fill_height * np.arange(1, LEVELS + 1) / LEVELS
-    volumes = [container.filled_to(level, container.rim_height).volume for level in levels]
-    below = trapezoid([0.0, *volumes], [0.0, *levels])
-    return float(container.fill_height - below / volumes[-1])
+    step = container.fill_height / LEVELS
+    fills = step * np.arange(1, LEVELS + 1)
+    volumes = [container.filled_to(fill, container.rim_height).volume for fill in fills.tolist()]
+    below = step * (sum(volumes) - 0.5 * volumes[-1])
+    return container.fill_height - below / volumes[-1]
 
 
 def standing_use(

@@ -330,13 +330,7 @@ def principal_variants(model: Model, width: float = 1.0) -> list[tuple[Model, Mo
         return []
     try:
         centre = np.array([parameter_value(model, name) for name in covariance.parameters])
-        scale = np.where(covariance.standard_errors > 0.0, covariance.standard_errors, 1.0)
-        values, axes = np.linalg.eigh(covariance.array / np.outer(scale, scale))
-        steps = [
-            width * root * axis * scale
-            for root, axis in zip(np.sqrt(np.maximum(values, 0.0)), axes.T, strict=True)
-            if root > 0.0
-        ]
+        steps = [width * step for step in covariance.principal_steps.T if step.any()]
         return [
             (
                 with_parameters(
