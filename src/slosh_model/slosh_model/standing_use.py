@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -95,6 +96,7 @@ class StandingUse(NamedTuple):
         return "slides" if self.friction >= self.tipping else "tips"
 
 
+@lru_cache(maxsize=32)  # a plan asks for each motion that it checks
 def liquid_centre(container: Container) -> float:
     """Returns the height of the liquid's centre of mass above the floor [m]."""
     step = container.fill_height / LEVELS
