@@ -41,7 +41,7 @@ from slosh_bringup.watch import PORT
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_estimator.inputs import JOINTS
 from slosh_model.tray import read_tray
-from slosh_msgs_py.topics import DRIVING
+from slosh_msgs_py.topics import COMMANDING, DRIVING
 
 SETTLED = 60.0
 """An end that lies longer back than this is not counted any more [s]."""
@@ -75,6 +75,7 @@ ARGUMENTS = (
     Argument("urdf", "", "robot description, for joint states and predictions of joint motions"),
     Argument("tool_frame", "", "link of the robot that carries the container"),
     Argument("plan", "false", "plan motions: the service plan, the action plan_motion"),
+    Argument("govern", "", f"limit commands: {', '.join(COMMANDING)}; empty: no governor"),
     Argument("watch", "false", f"serve the operator's page on this machine, port {PORT}"),
     Argument("simulate", "false", "play a motion instead of reading a robot's topics"),
     Argument("motion", "c3", "motion of the simulated cell: a name or a motion table"),
@@ -185,6 +186,7 @@ class LaunchedCell:
             parameters=Path(given["parameters"] or default.parameters).absolute(),
             namespace=namespace,
             remap=read_remap(source, namespace, source.value["remap"]),
+            govern=given["govern"],
         )
         read_tray(setup.model)
         if "camera" not in self._absent:

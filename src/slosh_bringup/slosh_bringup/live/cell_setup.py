@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from slosh_bringup.processes import NodeProcess, config_folder
 from slosh_msgs_py import topics
 
 NAMESPACE = topics.NAMESPACE
-NODES_OF_A_CELL = ("recorder", "estimator", "camera", "sensor", "monitor")
+NODES_OF_A_CELL = ("recorder", "estimator", "camera", "sensor", "monitor", "governor")
 """In the order of their start: what the recorder records must not have begun."""
 REMAPPABLE = (
     *(topic.name for topic in topics.TOPICS if topic.remappable),
@@ -42,6 +42,8 @@ class CellSetup:
         reading: parameters of the estimator that say what drives it, as far as they are given.
         force: identification.json of the payload on a force sensor; None: there is none.
         record: of RECORD; empty: as the recorder's parameters have it.
+        govern: kind of the commands that the governor limits, of topics.COMMANDING; empty: it is
+            not started.
     """
 
     model: Path
@@ -52,6 +54,7 @@ class CellSetup:
     reading: Mapping[str, str] = field(default_factory=dict)
     record: str = ""
     force: Path | None = None
+    govern: str = ""
 
     def processes(self, bag: Path) -> list[NodeProcess]:
         """Returns the cell's node processes; no camera or sensor node without its file."""
@@ -70,6 +73,8 @@ class CellSetup:
             own["monitor"] = {"camera": "false"}
         if self.record:
             own["recorder"]["mode"] = self.record
+        if self.govern:
+            own["governor"] = {"model": str(self.model), "command": self.govern}
         return [
             NodeProcess(name, [self.parameters], own[name], self.remap)
             for name in NODES_OF_A_CELL
@@ -106,6 +111,7 @@ def read_setup(path: Path) -> CellSetup:
         "remap",
         "record",
         "force",
+        "govern",
         *READING,
     )
     for key in document:
@@ -123,18 +129,17 @@ def read_setup(path: Path) -> CellSetup:
         namespace=namespace,
         remap=read_remap(source, namespace, document.get("remap") or {}),
         reading=_reading(source),
-        record=_record(source),
+        record=_one_of(source, "record", RECORD),
+        govern=_one_of(source, "govern", tuple(topics.COMMANDING)),
         force=_file(source, "force") if "force" in document else None,
     )
 
 
-def _record(source: YamlDocument) -> str:
-    """Returns what the cell file says to record; empty if it says nothing."""
-    value = source.value.get("record", "")
-    if "record" in source.value and value not in RECORD:
-        raise SloshBringupError(
-            f"{source.at('record')} = {shown(value)} must be {' or '.join(RECORD)}"
-        )
+def _one_of(source: YamlDocument, key: str, known: Sequence[str]) -> str:
+    """Returns a key's value, which must be a known one; empty if the cell file lacks the key."""
+    value = source.value.get(key, "")
+    if key in source.value and value not in known:
+        raise SloshBringupError(f"{source.at(key)} = {shown(value)} must be {' or '.join(known)}")
     return str(value)
 
 

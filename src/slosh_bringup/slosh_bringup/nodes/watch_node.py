@@ -38,6 +38,7 @@ from slosh_msgs.msg import (
     Calm,
     FreeSurface,
     FusedEstimate,
+    GovernedMotion,
     LimitEvent,
     NodeSettings,
     SloshComparison,
@@ -83,6 +84,7 @@ class WatchNode(GuardedNode):
         self._add(FusedEstimate, topics.FUSED_ESTIMATE, qos.STREAM_IN, self._on_fused)
         self._add(Calm, topics.CALM, qos.STREAM_IN, self._on_calm)
         self._add(SloshComparison, topics.COMPARISON, qos.STREAM_IN, self._on_comparison)
+        self._add(GovernedMotion, topics.GOVERNED_MOTION, qos.NEWEST_IN, self._on_governed)
         self._others = OtherCells(self, self._subscribe, self._drop, _take)
         self._estimates: Subscription | None = None
         self._images: tuple[Subscription, Any] | None = None
@@ -202,6 +204,9 @@ class WatchNode(GuardedNode):
 
     def _on_calm(self, message: Calm) -> None:
         hearing.hear_calm(self._state, message, time.monotonic())
+
+    def _on_governed(self, message: GovernedMotion) -> None:
+        hearing.hear_governed(self._state, message, time.monotonic())
 
     def _on_surface(self, message: FreeSurface) -> None:
         self._surfaces.append(message)
