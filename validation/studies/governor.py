@@ -53,8 +53,8 @@ class Stream(NamedTuple):
     commands: Array
 
 
-def drawn(rng: np.random.Generator) -> Stream:
-    """A stream of commands (COMMANDS, 3) [m/s]; rows of NaN, and of infinity: none is sent."""
+def drawn_cup(rng: np.random.Generator) -> tuple[Model, float]:
+    """A model, and a limit of its height [m]."""
     if rng.random() < 0.7:
         radius = rng.uniform(0.03, 0.06)
         size = radius
@@ -64,24 +64,33 @@ def drawn(rng: np.random.Generator) -> Stream:
         size = width / 2.0
         container = Rectangle(width, width * rng.uniform(0.6, 1.0), width * rng.uniform(0.5, 1.0))
     model = Model(container).with_effect("vertical_acceleration").nonlinear()
-    limits = PlanLimits(size * rng.uniform(0.12, 0.35), acceleration=5.0, jerk=74.0)
-    commands, t, speed = (
-        np.zeros((COMMANDS, 3)),
-        PERIOD * np.arange(COMMANDS),
-        rng.uniform(0.1, 0.5),
-    )
+    return model, size * rng.uniform(0.12, 0.35)
+
+
+def drawn(rng: np.random.Generator) -> Stream:
+    """A stream of commands (COMMANDS, 3) [m/s]; rows of NaN, and of infinity: none is sent."""
+    model, height = drawn_cup(rng)
+    limits = PlanLimits(height, acceleration=5.0, jerk=74.0)
+    speed = rng.uniform(0.1, 0.5)
     scale = speed * np.array([1.0, 1.0, 0.3 * (rng.random() < 0.3)])
+    return Stream(model, limits, drawn_commands(rng, scale, 0.2 * speed, first_period(model)))
+
+
+def drawn_commands(rng: np.random.Generator, scale: Array, jitter: float, period: float) -> Array:
+    """Commands (COMMANDS, D) of a size (D,), with swings near a period [s]; see `drawn`."""
+    count = len(scale)
+    commands, t = np.zeros((COMMANDS, count)), PERIOD * np.arange(COMMANDS)
     at = 0
     while at < COMMANDS:
         until = min(at + int(rng.uniform(0.1, 1.2) / PERIOD), COMMANDS)
         part, kind = slice(at, until), rng.integers(0, 5)
-        one, other = rng.normal(size=3) * scale, rng.normal(size=3) * scale
+        one, other = rng.normal(size=count) * scale, rng.normal(size=count) * scale
         u = np.linspace(0.0, 1.0, until - at)[:, np.newaxis]
-        swing = rng.uniform(0.7, 1.3) / first_period(model)
+        swing = rng.uniform(0.7, 1.3) / period
         choices = (
             one + 0.0 * u, one + (other - one) * u, 0.0 * u * one,
             one * np.sin(2.0 * np.pi * swing * t[part])[:, np.newaxis],
-            one + 0.2 * speed * rng.normal(size=(until - at, 3)),
+            one + jitter * rng.normal(size=(until - at, count)),
         )  # fmt: skip
         commands[part] = choices[kind]
         at = until
@@ -89,7 +98,7 @@ def drawn(rng: np.random.Generator) -> Stream:
     if rng.random() < 0.2:
         begin = rng.integers(0, COMMANDS)
         commands[begin : begin + round(0.3 / PERIOD)] = np.inf
-    return Stream(model, limits, commands)
+    return commands
 
 
 def other(model: Model, frequency: float, damping: float) -> Model:
@@ -152,7 +161,7 @@ def tracked(
     rows: list[tuple[Array, Array]] = []
     step, wanted = limits.jerk * PERIOD, np.where(np.isfinite(commands), commands, 0.0)
     while len(rows) < len(wanted) or np.linalg.norm(v) > 1e-4 or np.linalg.norm(a) > 1e-3:
-        goal = wanted[len(rows)] if len(rows) < len(wanted) else np.zeros(3)
+        goal = wanted[len(rows)] if len(rows) < len(wanted) else 0.0 * v
         left = goal - v - 0.5 * PERIOD * a
         size = max(float(np.linalg.norm(left)), 1e-12)
         most = min(math.sqrt(step**2 + 2.0 * limits.jerk * size) - step, limits.acceleration)
@@ -161,7 +170,7 @@ def tracked(
         v = v + PERIOD * (a + 0.5 * change)
         a = a + change
         rows.append((v, a))
-    return np.array([one for one, _ in rows]), np.array([*(one for _, one in rows), np.zeros(3)])
+    return np.array([one for one, _ in rows]), np.array([*(one for _, one in rows), 0.0 * v])
 
 
 def highest(models: list[Model], acceleration: Array) -> float:

@@ -77,51 +77,76 @@ def _highest(heights, count, end, cornered):  # type: ignore[no-untyped-def]
     crests may meet at any time: the highest of both add.
     """
     top = last_x = last_y = 0.0
+    if not cornered:
+        for row in range(1, count):
+            square = heights[row, 0] * heights[row, 0] + heights[row, 1] * heights[row, 1]
+            top = max(top, square) if square == square else math.inf
+        return math.sqrt(top)
     for row in range(1, count):
         x, y = heights[row, 0], heights[row, 1]
-        if cornered and row >= end - 1:
+        if row >= end - 1:
             x = last_x = max(last_x, abs(x))
             y = last_y = max(last_y, abs(y))
-        eta = corner_height(x, y) if cornered else math.sqrt(x * x + y * y)
+        eta = corner_height(x, y)
         top = max(top, eta) if eta == eta else math.inf
     return top
 
 
 @compiled
-def _placed(store, heights, felt, count, placed):  # type: ignore[no-untyped-def]
+def _displacements(store, heights, felt, count, placed):  # type: ignore[no-untyped-def]
     """Writes the displacement of the first mode's mass at each sample, from the wall heights."""
     runs, modes = records(store)
     run, constants = runs[0], constants_of(modes[0])
+    by_x, by_y = 1.0 / constants[GAIN], 1.0 / constants[GAIN_Y]
     placed[0, 0], placed[0, 1] = modes[0]["x"], modes[0]["y"]
+    still_x, still_y = run["static_height"], run["static_height_y"]
     for row in range(1, count):
-        light = lightness(run["lift"], felt[row, 2])
-        x = heights[row, 0] + run["static_height"] * light * felt[row, 0]
-        y = heights[row, 1] + run["static_height_y"] * light * felt[row, 1]
-        placed[row, 0], placed[row, 1] = x / constants[GAIN], y / constants[GAIN_Y]
+        x, y = heights[row, 0], heights[row, 1]
+        if still_x != 0.0 or still_y != 0.0:
+            light = lightness(run["lift"], felt[row, 2])
+            x += still_x * light * felt[row, 0]
+            y += still_y * light * felt[row, 1]
+        placed[row, 0], placed[row, 1] = x * by_x, y * by_y
 
 
 @compiled
-def _standing(cup, placed, felt, intervals, count):  # type: ignore[no-untyped-def]
+def _curvature(intervals, count, weights):  # type: ignore[no-untyped-def]
+    """Writes by which three neighbours in time the second derivative is told."""
+    for row in range(1, count - 1):
+        before, behind = intervals[row - 1], intervals[row]
+        weights[row, 0] = 2.0 / (before * (before + behind))
+        weights[row, 2] = 2.0 / (behind * (before + behind))
+        weights[row, 1] = -weights[row, 0] - weights[row, 2]
+
+
+@compiled
+def _pressures(felt, count, pressing):  # type: ignore[no-untyped-def]
+    """Writes what presses the container on its tray, and its inverse square; 0: it lifts off."""
+    for row in range(count):
+        force = felt[row, 2] + GRAVITY
+        pressing[row, 0] = force
+        pressing[row, 1] = 1.0 / (force * force) if force > LEAST else 0.0
+
+
+@compiled
+def _standing(cup, placed, felt, weights, pressing, count):  # type: ignore[no-untyped-def]
     """Returns the largest shares of friction and base that a lane uses; see `standing_use`."""
     slip = tip = 0.0
     for row in range(1, count - 1):
-        before, behind = intervals[row - 1], intervals[row]
-        force = felt[row, 2] + GRAVITY
+        force, inverse = pressing[row, 0], pressing[row, 1]
+        if inverse == 0.0:
+            return math.inf, math.inf
         lateral = moment = 0.0
         for k in range(2):
-            q = placed[row, k]
-            change = (placed[row + 1, k] - q) / behind - (q - placed[row - 1, k]) / before
-            change *= 2.0 / (before + behind)
-            mass = cup[MASS_X + k]
-            lateral += (felt[row, k] + mass * change) ** 2
-            moment += (
-                mass * (q * force - cup[ARM_X + k] * change) - cup[CENTRE] * felt[row, k]
-            ) ** 2
-        if not force > LEAST:
-            return math.inf, math.inf
-        slip = max(slip, math.sqrt(lateral) / (cup[FRICTION] * force))
-        tip = max(tip, math.sqrt(moment) / (cup[BASE] * force))
-    return slip, tip
+            q, mass = placed[row, k], cup[MASS_X + k]
+            change = weights[row, 0] * placed[row - 1, k] + weights[row, 1] * q
+            change += weights[row, 2] * placed[row + 1, k]
+            slides = felt[row, k] + mass * change
+            tips = mass * (q * force - cup[ARM_X + k] * change) - cup[CENTRE] * felt[row, k]
+            lateral += slides * slides
+            moment += tips * tips
+        slip, tip = max(slip, lateral * inverse), max(tip, moment * inverse)
+    return math.sqrt(slip) / cup[FRICTION], math.sqrt(tip) / cup[BASE]
 
 
 @compiled
@@ -155,17 +180,23 @@ def add_uses(stores, cup, driven, which, ends, intervals, count, settings, uses)
     cornered = records(stores[0, : int(cup[SIZE])])[0][0]["cornered"] != 0.0
     loose = cup[FRICTION] > 0.0
     tops, slips, tips = np.zeros(MODELS), np.zeros(MODELS), np.zeros(MODELS)
-    placed = np.empty((count if loose else 0, 2))
+    placed, pressing = np.empty((count, 2)), np.empty((count, 2))
+    weights = np.empty((count, 3))
+    if loose:
+        _curvature(intervals, count, weights)
     for one in range(which.shape[0]):
         candidate = which[one]
+        pressed = driven[candidate, int(cup[MASS_POINT])]
+        if loose:
+            _pressures(pressed, count, pressing)
         for model in range(MODELS):
             lane = heights[one * MODELS + model]
             tops[model] = _highest(lane, count, ends[candidate], cornered)
             if loose:
                 store = stores[model, : int(cup[SIZE])]
-                _placed(store, lane, driven[candidate, int(cup[POINT])], count, placed)
+                _displacements(store, lane, driven[candidate, int(cup[POINT])], count, placed)
                 slips[model], tips[model] = _standing(
-                    cup, placed, driven[candidate, int(cup[MASS_POINT])], intervals, count
+                    cup, placed, pressed, weights, pressing, count
                 )
         found = uses[candidate]
         found[PEAK], found[NOMINAL] = _raised(tops, settings) + cup[EXTRA], tops[0]
