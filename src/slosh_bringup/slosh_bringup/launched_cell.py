@@ -76,6 +76,7 @@ ARGUMENTS = (
     Argument("tool_frame", "", "link of the robot that carries the container"),
     Argument("plan", "false", "plan motions: the service plan, the action plan_motion"),
     Argument("watch", "false", f"serve the operator's page on this machine, port {PORT}"),
+    Argument("plc", "false", "serve the cell's state over OPC UA, MQTT or Modbus TCP"),
     Argument("simulate", "false", "play a motion instead of reading a robot's topics"),
     Argument("motion", "c3", "motion of the simulated cell: a name or a motion table"),
 )
@@ -220,7 +221,7 @@ class LaunchedCell:
         if len(robot) == 1:  # the joints' robot is described by a topic
             robot = {}
         own = {"predict": ("predictor", model | robot), "watch": ("watch", {})}
-        own["plan"] = ("planner", model)
+        own |= {"plan": ("planner", model), "plc": ("plc", {})}
         return [
             NodeProcess(name, [setup.parameters], parameters, setup.remap)
             for argument, (name, parameters) in own.items()

@@ -50,6 +50,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "cell": "run all nodes on a real robot's topics until Ctrl-C",
         "mounting": "check a sensor's axes, signs and units against the robot's recorded motion",
         "watch": "serve the operator's page of a running cell or of a recording",
+        "plc": "serve a running cell's state over OPC UA, MQTT or Modbus TCP",
     },
     "recordings": {
         "replay": "run the estimator and the monitor again on recorded bags",
