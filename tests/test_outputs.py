@@ -32,7 +32,7 @@ PATIENCE = 60.0
 # A Header of stamp 0 with the frame "a".
 HEADER, DATA = "std_msgs/msg/Header", bytes.fromhex("000100000000000000000000020000006100")
 MANY_MESSAGES, MANY_ROWS, MANY_IMAGES = 200_000, 60_000, 40
-NO_OUTPUT = ("play", "plc", "watch", "doctor", "explain", "mounting")
+NO_OUTPUT = ("play", "plc", "store", "watch", "doctor", "explain", "mounting")
 
 
 @pytest.fixture(scope="module")
@@ -487,6 +487,7 @@ ALLOWED = {
     "slosh_bag/black_box/event_bags.py": "removes the oldest of its own bags",
     "slosh_bag/interchange/foreign_storage.py": "a temporary copy of a database with its log",
     "slosh_bag/mcap_files/mcap_file.py": "makes files that are new, and removes its own",
+    "slosh_bag/store/stored_bags.py": "removes old bags of a cell's runs",
     "slosh_bag/recorder.py": "the space that it reserves beside the bag's files",
     "slosh_bringup/processes.py": "a node's log, in the folder of its run",
     "slosh_bringup/cli/quiet_decoders.py": "open(os.devnull)",

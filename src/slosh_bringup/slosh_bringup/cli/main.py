@@ -57,6 +57,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "play": "publish a bag over DDS with /clock, for live nodes",
         "import": "convert motion tables, other bags and public measured data to bags",
         "export": "export a bag's topics as CSV or Parquet, or its motion as a table",
+        "store": "show which bags of a cell's runs are kept, and delete old ones",
         "recover": "recover the intact messages of an unfinished or damaged bag",
     },
     "models from measurements": {
