@@ -14,7 +14,7 @@ from pathlib import Path
 from slosh_bag.black_box.event_bags import event_bags
 from slosh_bag.errors import SloshBagError
 from slosh_bag.held_folder import is_held
-from slosh_bag.mcap_files.bag_folder import METADATA
+from slosh_bag.mcap_files.bag_metadata import NAME
 from slosh_bag.recorder import RESERVE
 from slosh_bag.store.retention import BagKind, StoredBag
 
@@ -57,7 +57,7 @@ def delete(bag: StoredBag) -> None:
         raise SloshBagError(f"{bag.folder}: is being recorded; not deleted")
     try:
         # The description last: a bag that is half deleted is found again.
-        for file in [*_files(bag.folder), bag.folder / METADATA, bag.folder / RESERVE]:
+        for file in [*_files(bag.folder), bag.folder / NAME, bag.folder / RESERVE]:
             file.unlink(missing_ok=True)
         with contextlib.suppress(OSError):  # somebody keeps notes there
             bag.folder.rmdir()
