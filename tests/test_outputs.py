@@ -62,6 +62,7 @@ def shop(tmp_path_factory):
     make_bag(folder / "many_messages", MANY_MESSAGES)
     shutil.copytree(ROOT / "bags" / "l", folder / "recording")
     make_data_set(folder / "measured")
+    main(["ingest", str(folder / "recording"), "--store", str(folder / "stored")])
     return folder
 
 
@@ -334,6 +335,8 @@ CASES = {
         "recover SHOP/bag -o OUT/new", "new", "recover SHOP/many_messages -o OUT/new", limit=1_000
     ),
     "new": Case("new OUT/new --radius 0.05 --fill-height 0.07", "new"),
+    "ingest": Case("ingest SHOP/recording --store OUT/new", "new"),
+    "query --page": Case("query --store SHOP/stored --page OUT/a.html", "a.html", limit=2_000),
     "modes": Case("modes SHOP/model.yaml -o OUT/a.yaml", "a.yaml"),
     "motion": Case("motion quintic --speed 30 --stroke 0.1 -o OUT/a.csv", "a.csv"),
     "motion-map": Case(

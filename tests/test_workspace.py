@@ -47,7 +47,17 @@ PIP = {
 """Import name to requirement, where it has another."""
 UNSEEN = {"slosh_bringup": {"websockets"}}
 """What one of the imported packages imports, and calls optional."""
-OPTIONAL = {"aiomqtt", "argcomplete", "asyncua", "casadi", "cryptography", "pandas", "pymodbus"}
+OPTIONAL = {
+    "aiomqtt",
+    "argcomplete",
+    "asyncua",
+    "casadi",
+    "cryptography",
+    "duckdb",
+    "fsspec",
+    "pandas",
+    "pymodbus",
+}
 """Imported where it is used, and told of where it is missing."""
 MESSAGE_TYPE = re.compile(r"(\w+)/(?:msg|srv)/\w+")
 

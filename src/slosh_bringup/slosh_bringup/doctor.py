@@ -68,6 +68,7 @@ def examine() -> Iterator[DoctorFinding]:
     yield library("rosbags", "rosbags", "0.10")
     yield library("distributed", "Dask distributed", "2025.1")
     yield optional("pinocchio", "Pinocchio", "motions of joints", "joints.txt")
+    yield optional("duckdb", "DuckDB", "slosh query", "fleet.txt")
     yield optional("asyncua", "asyncua", "slosh plc", "plc.txt")
     yield guarded(compiled_code)
     yield guarded(message_exchange)

@@ -57,6 +57,8 @@ GROUPS: dict[str, dict[str, str]] = {
         "play": "publish a bag over DDS with /clock, for live nodes",
         "import": "convert motion tables, other bags and public measured data to bags",
         "export": "export a bag's topics as CSV or Parquet, or its motion as a table",
+        "ingest": "add the motions of recordings to a store for queries over months",
+        "query": "query the stored motions by SQL, or write a page about them",
         "store": "show which bags of a cell's runs are kept, and delete old ones",
         "recover": "recover the intact messages of an unfinished or damaged bag",
     },
