@@ -166,24 +166,8 @@ def path_of(run: str) -> str:
 
 
 def described(finding: Finding) -> str:
-    """A finding as Markdown."""
-    most = max((effect.confidence for effect in finding.effects), default=finding.confidence)
-    effects = [_named(effect, most) for effect in finding.effects]
-    gap = finding.gap
-    tried = [candidate for candidate in finding.candidates if not candidate.reason]
-    best, *others = [row for row in tried[:5] if row.probability >= LEAST_PROBABILITY]
-    words = [
-        f"{' + '.join(marked(row.effects, row.per_group)) or 'the base'} ({row.probability:.3f})"
-        for row in others
-    ]
+    """A finding as two Markdown tables: its motions, then its verdict."""
     lines = [
-        f"Verdict `{finding.verdict.value}`, confidence {most:.2f}: "
-        f"{', '.join(effects) or 'no effect'}.",
-        f"Residual {1e3 * best.fit_rms:.2f} mm rms, left out {1e3 * best.holdout_rms:.2f} mm."
-        + (f" Other explanations, with their probabilities: {'; '.join(words)}." if words else ""),
-    ]
-    lines += [
-        "",
         "| motion | used for | MAE before | MAE after | ε before | ε after |",
         "|---|---|--:|--:|--:|--:|",
     ]
@@ -196,12 +180,34 @@ def described(finding: Finding) -> str:
         )
     if sum(case.role is judged_by(finding) for case in finding.motions) > 1:
         lines.append(_mean_row(finding))
-    lines += [
-        "",
-        f"Removable gap closed on the {WORDS[judged_by(finding)]} motions: "
-        f"{1e2 * gap.closed:.0f} %.",
+    return "\n".join([*lines, "", *_verdict_table(finding)])
+
+
+def _verdict_table(finding: Finding) -> list[str]:
+    """The lines of a table with the verdict, its effects, what remains and other explanations."""
+    most = max((effect.confidence for effect in finding.effects), default=finding.confidence)
+    tried = [candidate for candidate in finding.candidates if not candidate.reason]
+    best, *others = [row for row in tried[:5] if row.probability >= LEAST_PROBABILITY]
+    rows = [("verdict", f"{finding.verdict.value}, confidence {most:.2f}")]
+    rows += [("effect", _named(effect, most)) for effect in finding.effects]
+    rows.append(
+        ("residual, left out [mm rms]", f"{1e3 * best.fit_rms:.2f}, {1e3 * best.holdout_rms:.2f}")
+    )
+    rows += [
+        (
+            "other explanation",
+            f"{' + '.join(marked(row.effects, row.per_group)) or 'the base'} "
+            f"(probability {row.probability:.3f})",
+        )
+        for row in others
     ]
-    return "\n".join(lines)
+    rows.append(
+        (
+            f"removable gap closed, {WORDS[judged_by(finding)]} motions",
+            f"{1e2 * finding.gap.closed:.0f} %",
+        )
+    )
+    return ["| result | value |", "|---|---|", *(f"| {name} | {value} |" for name, value in rows)]
 
 
 def judged_by(finding: Finding) -> Role:
@@ -228,7 +234,7 @@ def _named(effect: FoundEffect, most: float) -> str:
         notes.append(f"confidence {effect.confidence:.2f}")
     if effect.alternatives:
         notes.append(f"or {', '.join(effect.alternatives)}")
-    return f"`{effect.name}`" + (f" ({'; '.join(notes)})" if notes else "")
+    return effect.name + (f" ({'; '.join(notes)})" if notes else "")
 
 
 def _fitted(effect: FoundEffect) -> str:
