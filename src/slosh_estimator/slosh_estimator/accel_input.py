@@ -178,5 +178,6 @@ class AccelInput(CheckedInput):
             )
         return (
             f"accelerations in frame {self.strange_frame!r} are dropped: "
-            f"publish them in {' or '.join(map(repr, self._frames))}"
+            f"publish them in {' or '.join(map(repr, self._frames))}, or publish the transforms "
+            "(/tf) that connect their frame with the container's"
         )

@@ -238,7 +238,8 @@ class PoseInput(CheckedInput):
             return None
         return (
             f"poses in the frame {self._other_frame!r} are dropped: publish them in "
-            f"{self._frame!r}, or set world_frame to their frame if its z axis points up"
+            f"{self._frame!r}, publish the transforms (/tf) that connect the two frames, or set "
+            "world_frame to their frame if its z axis points up"
         )
 
     def _strange(self, frame: str) -> bool:
