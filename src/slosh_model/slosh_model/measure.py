@@ -13,7 +13,8 @@ from slosh_model import kernel
 from slosh_model.effects.registry import READING_MEMORY_COUNT
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
-from slosh_model.simulate import Inputs, Response, effect_parameters, simulate
+from slosh_model.response import Response
+from slosh_model.simulate import Inputs, effect_parameters, simulate
 
 Elapsed = TypeVar("Elapsed", float, Array)
 

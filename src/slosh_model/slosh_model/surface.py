@@ -16,7 +16,7 @@ from slosh_base.types import Array
 from slosh_model.bessel import radial_shape
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
-from slosh_model.simulate import Response
+from slosh_model.response import Response
 
 
 def plane_surface(

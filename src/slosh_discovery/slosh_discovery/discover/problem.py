@@ -24,7 +24,8 @@ from slosh_model.effects.registry import EFFECTS
 from slosh_model.interpolation import columns_at
 from slosh_model.measure import ReadingClock, measured_heights, reading_clock, remembers
 from slosh_model.model import Model
-from slosh_model.simulate import Inputs, Response
+from slosh_model.response import Response
+from slosh_model.simulate import Inputs
 
 LONGEST_STEP = TUNING.input_spacing * (1.0 + 1e-6)
 """Of the integrator: one step leads from input to input, however their spacing is rounded."""

@@ -22,7 +22,8 @@ from slosh_discovery.identify.problem import STEP, Problem
 from slosh_discovery.identify.tuning import TUNING
 from slosh_model.batch import wall_heights
 from slosh_model.measure import measured_heights
-from slosh_model.simulate import Inputs, Response
+from slosh_model.response import Response
+from slosh_model.simulate import Inputs
 
 FREQUENCIES = (0.4, 0.8, 1.0)
 """Of the motions that are tried, relative to the natural frequency,"""

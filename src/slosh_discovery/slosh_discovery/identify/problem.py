@@ -21,7 +21,8 @@ from slosh_discovery.identify.tuning import TUNING
 from slosh_model.batch import wall_heights
 from slosh_model.measure import measured_heights
 from slosh_model.model import Model
-from slosh_model.simulate import Inputs, Response, State, simulate
+from slosh_model.response import Response
+from slosh_model.simulate import Inputs, State, simulate
 
 STEP = 1e-4
 """Step of the derivatives, relative to a parameter's width."""
