@@ -90,7 +90,7 @@ class AlignedStreams(Generic[Key]):
         return found
 
     def _choose(self) -> _Stream:
-        """Returns the slowest stream among those whose values changed, or among all."""
+        """Returns the slowest stream with changed values; the slowest of all if none changed."""
         streams = list(self._streams.values())
         moving = [stream for stream in streams if stream.moved] or streams
         slowest = max(moving, key=lambda stream: stream.interval_ns)

@@ -32,7 +32,7 @@ class CheckedInput:
         return self.check.doubt if self.flags else None
 
     def remark(self) -> str | None:
-        """Returns a remark about settings that have no effect; None if all have one."""
+        """Returns a remark about settings without effect, or None if there are none."""
         return None
 
     def refusal(self) -> str | None:

@@ -106,7 +106,7 @@ class VelocityInput(PoseInput):
 
     @property
     def memory(self) -> list[float]:
-        """Returns the reader's state as numbers, except the stamp of the last sample."""
+        """Returns the input reader's state as numbers, without the last sample's stamp."""
         return [self._yaw, self._rate, *self._place, *self._velocity, *super().memory]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:

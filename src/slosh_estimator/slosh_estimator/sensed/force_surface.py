@@ -186,7 +186,7 @@ class ForceSurface:
 
 
 class _Axis(NamedTuple):
-    """A direction along the floor, its direction in the sensor's axes, height gain and mass."""
+    """A horizontal direction in container and sensor axes, with its height gain and mass."""
 
     c: float
     s: float
