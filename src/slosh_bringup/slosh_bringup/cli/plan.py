@@ -205,7 +205,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def likely_words(answer: Plan, likely: LikelyHeights) -> str:
-    """Describes the heights for all likely parameters, and the longer duration they require."""
+    """Describes the peak heights over likely model parameters, and the time that these cost."""
     duration, limits = answer.found.motion.duration, answer.limits
     return (
         f"with {likely.count} likely models ({', '.join(likely.parameters)}; 95 %) up to "
@@ -217,7 +217,7 @@ def likely_words(answer: Plan, likely: LikelyHeights) -> str:
 
 
 def tray_lines(planned: TrayPlan) -> list[str]:
-    """Describes which container limits the plan, and the heights in the tray's others."""
+    """Describes for which container a tray's motion is planned, and the heights in all of them."""
     heights = [
         f"{name} {1e3 * each.nonlinear.peak:.2f} of {1e3 * each.limits.height:g} mm"
         for name, each in planned.found.containers.items()
@@ -266,7 +266,7 @@ def model_error(arguments: argparse.Namespace, model: str) -> ModelError | None:
 def write_results(
     arguments: argparse.Namespace, model: Model, answer: Plan, asked: AskedPath
 ) -> None:
-    """Writes the requested motion file and page: both, or neither if one fails."""
+    """Writes the requested motion file and HTML page: both, or neither if one fails."""
     with ExitStack() as stack:
         if arguments.report is not None:
             # It loads the templates: a plan without a page does without.

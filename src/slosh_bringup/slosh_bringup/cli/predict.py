@@ -277,7 +277,7 @@ def as_text(
 
 
 def _of_tray(each: TrayPrediction) -> Iterator[str]:
-    """Yields text lines with a tray's worst container and the heights in the others."""
+    """Yields text lines with a tray's worst container and the heights in its other containers."""
     others = ", ".join(
         f"{name} {1e3 * one.nonlinear.peak:.1f} mm"
         for name, one in each.containers.items()
