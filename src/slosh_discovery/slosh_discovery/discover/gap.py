@@ -67,7 +67,7 @@ def is_worse(gap: HeightGap) -> bool:
 
 
 def _closed(cases: Sequence[MotionFinding]) -> tuple[float, float, float]:
-    """Returns the rms errors before and after [m], and the share that was removed."""
+    """Returns the rms errors before and after a discovery [m], and the share that it removed."""
     before = _pooled([case.before.rms for case in cases], cases)
     after = _pooled([case.after.rms for case in cases], cases)
     noise = _pooled([case.noise for case in cases], cases)

@@ -287,7 +287,7 @@ def heights_of_liquids(models: Sequence[Model], inputs: Sequence[Inputs]) -> lis
 
 
 def _liquids(models: Sequence[Model]) -> list[Model]:
-    """Returns each model's liquid; models that differ only in the sensor share one object.
+    """Returns each model without its sensor effects; models that are then equal share one object.
 
     Many motions share one model, and a model's hash goes through all of its parameters.
     """
@@ -301,7 +301,7 @@ def _liquids(models: Sequence[Model]) -> list[Model]:
 
 
 def liquid_alone(model: Model) -> Model:
-    """Returns the model without its effects on the measurement."""
+    """Returns the model without the modelled effects that act on the measurement only."""
     kept = tuple(use for use in model.effects if EFFECTS[use.name].stages != (Stage.MEASUREMENT,))
     return model if len(kept) == len(model.effects) else replace(model, effects=kept)
 

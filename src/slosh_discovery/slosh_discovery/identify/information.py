@@ -138,7 +138,7 @@ def _candidates(
 
 
 def _answers_change(problem: Problem, vector: Array, inputs: Inputs) -> Array | None:
-    """Returns height changes [m] per prior width of each parameter; None without a solution."""
+    """Returns height changes [m] per prior width of each parameter; None if unsolvable."""
     azimuths = problem.trials[0].prepared.azimuths
     columns = []
     for place, parameter in enumerate(problem.parameters):

@@ -72,7 +72,7 @@ class Problem:
         return np.array([parameter.start for parameter in self.parameters])
 
     def start(self, values: Array) -> Array:
-        """Returns the initial vector of unknowns: parameters and matching nuisance parameters."""
+        """Returns the initial vector of unknowns: parameters, clock offsets and initial states."""
         vector = np.zeros(self.size)
         vector[: len(values)] = values
         model = self.model_at(vector)

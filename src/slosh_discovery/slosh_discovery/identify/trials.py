@@ -208,7 +208,7 @@ def _distinct(points: Sequence[OperatingPoint]) -> tuple[OperatingPoint, ...]:
 def _place(
     inputs: Inputs, known: Sequence[Inputs], alike: Callable[[Inputs, Inputs], bool]
 ) -> int:
-    """Returns the index of an equal known input, or their number if none is equal."""
+    """Returns the index of an equal known input; if none is equal, the number of known inputs."""
     found = (number for number, other in enumerate(known) if alike(inputs, other))
     return next(found, len(known))
 
