@@ -134,7 +134,7 @@ def reading_clock(model: Model) -> ReadingClock:
 def predicted_heights(
     model: Model, inputs: Inputs, times: ArrayLike, azimuths: ArrayLike | None = None
 ) -> Array:
-    """Predicts the heights that a sensor measures at given times, with all effects.
+    """Predicts the heights that a sensor measures at given times, with all modelled effects.
 
     >>> import numpy as np
     >>> from slosh_model import Inputs, predicted_heights, read_model
