@@ -68,7 +68,7 @@ def gantry_limits(
     period = first_period(model)
 
     def strongest(ramp: float) -> float:
-        """Returns the largest acceleration, built up over a time [s]."""
+        """Returns the largest safe acceleration [m/s²] that builds up over a ramp time [s]."""
 
         def height(acceleration: float) -> float:
             return _peak(model, acceleration, ramp, period)[0]
@@ -94,7 +94,7 @@ def gantry_limits(
 
 
 def _largest(height: Callable[[float], float], limit: float, low: float, high: float) -> float:
-    """Returns the largest value whose height keeps a limit, by halving the logarithm.
+    """Returns the largest parameter value whose wave height keeps a limit, by bisection.
 
     Raises:
         SloshPlanError: not even the lowest value keeps it.
@@ -145,7 +145,7 @@ def _speeds(edges: Array, values: Array) -> tuple[Array, Array]:
 def _moves(
     model: Model, acceleration: float, ramp: float, longest: float
 ) -> Iterator[tuple[Inputs, float]]:
-    """Yields moves of both axes, also of the axes of a box alone, and when each ends [s]."""
+    """Yields moves of both axes, for a box also of one axis alone, with their end times [s]."""
     period = first_period(model)
     # A short push needs more samples.
     step = min(period, max(longest, period * TUNING.gantry_short) * TUNING.gantry_fine)
