@@ -75,7 +75,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             type=kind,
             default=0.0,
             metavar=unit,
-            help=f"standard error of {what}; if above 0, the value is estimated too (default 0)",
+            help=f"standard error of {what}; if above 0, this quantity is estimated too "
+            "(default 0)",
         )
     parser.add_argument(
         "--distance", type=length(10.0), metavar="M",
@@ -117,7 +118,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     scale.add_argument(
         "--page", type=Path, metavar="OUT.html",
-        help="page to write: click the two points on the image, and it shows the command",
+        help="HTML page to write: on it you click the two points, and it shows the command to run",
     )  # fmt: skip
     parser.add_argument(
         "-o", "--output", type=Path, required=True, help="name of the camera.yaml to write"

@@ -31,7 +31,7 @@ def add_watch(parser: argparse.ArgumentParser) -> None:
     """Adds the option `--watch`, which serves the operator's web page."""
     parser.add_argument(
         "--watch", nargs="?", type=_port, const=PORT, metavar="PORT",
-        help=f"serve the operator's page on this machine (default PORT: {PORT})",
+        help=f"serve a live web page of the cell on this machine (default PORT: {PORT})",
     )  # fmt: skip
 
 

@@ -110,13 +110,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     mae = parser.add_argument(
         "--mae", dest="sigma", type=ERROR, metavar="M",
         help="mean absolute error (MAE) of the model, as reported by slosh replay [m]; the upper "
-        "end of the height's interval then stays below the limits",
+        "end of the 95 %% interval of the heights then stays below the limits",
     )  # fmt: skip
     old_name(parser, mae, "--sigma")
     parser.add_argument(
         "--epsilon", type=FRACTION, metavar="E",
         help="relative error of the model's maximum height, a fraction reported by slosh replay; "
-        "widens the height's interval in addition to --mae",
+        "widens the 95 %% interval of the heights in addition to --mae",
     )  # fmt: skip
     parser.add_argument(
         "--error", type=Path, nargs="+", action="extend", metavar="RESULT.json",
