@@ -1,4 +1,4 @@
-"""Other methods on the blind cases, beside the discovery; fills docs/results/peers.md.
+"""Runs other methods and the discovery on the same test cases; writes docs/results/peers.md.
 
     tools/run pip install -r requirements/peers.txt
     tools/run python validation/studies/bench_peers.py --docs
@@ -24,7 +24,7 @@ NEEDED = ("pysindy", "cvxpy", "jax")
 
 
 def main() -> int:
-    """Runs what is missing, prints the tables, writes the page where asked."""
+    """Runs missing cases and prints the tables; writes the page if requested."""
     options = _options()
     missing = [name for name in NEEDED if importlib.util.find_spec(name) is None]
     if missing:
