@@ -167,7 +167,7 @@ class AccelInput(CheckedInput):
         return None
 
     def refusal(self) -> str | None:
-        """Returns why samples were dropped because of their frame; None if none were."""
+        """Returns why samples in a wrong coordinate frame were dropped; None if none were."""
         if not self.gate.counts[SampleVerdict.WRONG_FRAME]:
             return None
         if self._apart:

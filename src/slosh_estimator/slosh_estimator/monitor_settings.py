@@ -111,7 +111,7 @@ class MonitorSettings:
         return rim_name(self.rim_distance) if self.at_rim(source) else LIMIT
 
     def under_rim(self, model: Model) -> MonitorSettings:
-        """Returns the settings with the rim of a model's container.
+        """Returns the settings with the rim of a model's container as a limit of the heights.
 
         Raises:
             SloshModelError: a distance to the rim that its still liquid does not keep, or one to

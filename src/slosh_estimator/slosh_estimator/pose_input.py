@@ -220,7 +220,7 @@ class PoseInput(CheckedInput):
         return None
 
     def remark(self) -> str | None:
-        """Returns a remark about an assumption on the poses' frame; None if none is made."""
+        """Returns a remark about an assumed coordinate frame; None if no frame is assumed."""
         if (
             self._frame is not None
             and self._other_frame is not None
@@ -233,7 +233,7 @@ class PoseInput(CheckedInput):
         return None
 
     def refusal(self) -> str | None:
-        """Returns why poses were dropped because of their frame; None if none were."""
+        """Returns why poses in a wrong coordinate frame were dropped; None if none were."""
         if not self.gate.counts[SampleVerdict.WRONG_FRAME]:
             return None
         return (
@@ -243,7 +243,7 @@ class PoseInput(CheckedInput):
         )
 
     def _strange(self, frame: str) -> bool:
-        """Returns whether a pose is dropped because of its frame."""
+        """Returns whether a pose is dropped because it is in a wrong coordinate frame."""
         if self._other_frame is None or frame:
             self._other_frame = frame
         if self._any_frame or not frame:

@@ -282,7 +282,7 @@ class Container(ABC):
 
     @property
     def cornered(self) -> bool:
-        """Whether the wave heights along x and y add up in a corner of the wall."""
+        """Whether the maximum height is the sum of the wave heights along x and y, in a corner."""
         return self.section == RECTANGULAR
 
     def msh(self, sh_x: Array, sh_y: Array) -> Array:

@@ -132,7 +132,7 @@ def _peak(model: Model, acceleration: float, ramp: float, longest: float) -> tup
 
 
 def _speeds(edges: Array, values: Array) -> tuple[Array, Array]:
-    """Returns times and speeds of an acceleration that is linear between edges."""
+    """Returns times [s] and speeds [m/s] for an acceleration that is linear between edges."""
     t = np.unique(np.concatenate([np.linspace(a, b, 33) for a, b in pairwise(edges) if b > a]))
     inside = np.searchsorted(edges, 0.5 * (t[1:] + t[:-1])) - 1
     left, width = edges[inside], np.diff(edges)[inside]

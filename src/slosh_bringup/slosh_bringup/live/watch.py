@@ -30,7 +30,7 @@ class Screen(Protocol):
     """Interface of a live run's display."""
 
     def show(self, elapsed: float, text: str, status: str = "") -> None:
-        """Shows the elapsed time [s] and the state; called ten times a second.
+        """Shows the elapsed time [s] and the cell's state; called ten times a second.
 
         A status is what holds at this moment, in place of the text: nothing for a log, which
         keeps what it is told.

@@ -110,7 +110,7 @@ def _places(width: float) -> FloatArray:
 
 
 def _resampled(line: TracedLine, residual: FloatArray, x: FloatArray) -> FloatArray:
-    """Returns heights at given positions: fitted shape plus mean residual of nearby points."""
+    """Returns heights [m] at positions: fitted shape plus mean residual of nearby points."""
     reach = max(0.5 * float(x[1] - x[0]), TUNING.reach * line.pixel_height)
     start = np.searchsorted(line.x, x - reach)
     count = np.searchsorted(line.x, x + reach) - start

@@ -78,7 +78,7 @@ class Explanation:
 
     @cached_property
     def widths(self) -> Array:
-        """Plausible range (P,) of each free parameter."""
+        """Width (P,) of each free parameter's plausible range."""
         ranges = (plausible(one.parameter) for one in self.free)
         return np.array([high - low for low, high in ranges])
 
@@ -106,7 +106,7 @@ class Explanation:
         return lower, upper
 
     def model(self, vector: Array, group: str | None = None) -> Model | None:
-        """Returns a group of motions' candidate model, or None for impossible parameters.
+        """Returns the candidate model for a group of motions; None for impossible parameters.
 
         Args:
             vector: (P,) the free parameters.

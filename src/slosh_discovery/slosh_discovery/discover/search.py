@@ -305,7 +305,7 @@ class Search:
 
 
 def _carried(one: Fit) -> Part:
-    """Returns a function that gives a fit's parameters by effect and group."""
+    """Returns a function that gives a fit's parameters by physical effect and group of motions."""
     explanation = one.explanation
 
     def part(name: str, group: str | None) -> dict[str, float]:

@@ -145,7 +145,7 @@ def rejected(judgement: ChosenExplanation, base: Fit) -> ChosenExplanation:
 
 
 def _contenders(worthy: Sequence[Fit], pool: Pool) -> list[Fit]:
-    """Returns the most probable candidate models, all subsets of their effects and the base."""
+    """Returns the best candidate models, with all subsets of their effects and the base model."""
     chosen: dict[Key, Fit] = {pool.base.explanation.key: pool.base}
     for one in worthy[: TUNING.contenders]:
         effects = one.explanation.effects

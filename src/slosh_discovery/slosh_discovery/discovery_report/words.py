@@ -125,7 +125,7 @@ def verdict_sentence(finding: Finding) -> str:
 
 
 def gap_sentence(finding: Finding) -> str:
-    """Describes the change of the error in one sentence."""
+    """Describes in one sentence how much the discovery reduces the height error."""
     gap = finding.gap
     held = math.isfinite(gap.holdout_before)
     before = gap.holdout_before if held else gap.fit_before

@@ -11,7 +11,7 @@ from slosh_discovery.force.tuning import TUNING
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """A number and its standard error.
+    """An identified number and its standard error.
 
     Attributes:
         value: in SI units.

@@ -36,7 +36,7 @@ _STILL = np.zeros(4)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """Residuals of a model over several trials.
+    """Least-squares problem of a model over several trials (prepared motions).
 
     Attributes:
         model: whose parameters are fitted.

@@ -123,7 +123,7 @@ class Checker:
         return (self.model, *self.scenarios)
 
     def __call__(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
-        """Returns the simulated maximum heights of motions."""
+        """Returns motions with the maximum heights that their simulation gives."""
         found = checked(self.model, motions, self.attitude)
         if self.loose is not None:
             found = [replace(one, standing=self._use(one.motion)) for one in found]

@@ -273,7 +273,7 @@ def _twist(stamp_ns: int, row: Sequence[float], frame: str) -> Twist:
 
 
 def _imu(row: Sequence[float]) -> tuple[Any, Any]:
-    """Returns specific force and angular velocity (or None) from values of an Imu message."""
+    """Returns specific force [m/s²] and angular velocity [rad/s] (or None) of Imu messages."""
     force, rate = tuple(row[:3]), tuple(row[3:6])
     if row[6] < 0.0:
         force = (math.nan,) * 3
