@@ -150,8 +150,8 @@ def main() -> int:
     parser.add_argument("--width", type=int, default=1400)
     parser.add_argument("--height", type=int, default=1000)
     parser.add_argument("--dark", action="store_true")
-    parser.add_argument("--run", default="", help="script to run in the page first")
-    parser.add_argument("--wait", default="true", help="expression that must come true")
+    parser.add_argument("--run", default="", help="JavaScript to run in the page first")
+    parser.add_argument("--wait", default="true", help="JavaScript to wait for until true")
     given = parser.parse_args()
     with LiveBrowser() as browser:
         page = browser.open(given.url, given.width, given.height, dark=given.dark)

@@ -110,7 +110,9 @@ def record(name: str, recording: Recording, folder: Path) -> None:
 def main() -> int:
     """Records the bags named on the command line, or all."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("names", nargs="*", choices=[[], *RECORDINGS], help="without any: all")
+    parser.add_argument(
+        "names", nargs="*", choices=[[], *RECORDINGS], help="bags to record (default: all)"
+    )
     parser.add_argument("-o", "--output", type=Path, default=BAGS)
     arguments = parser.parse_args()
     for name in arguments.names or RECORDINGS:

@@ -66,7 +66,7 @@ def main(words: Sequence[str] | None = None) -> int:
         run=lambda given: play_joints("robot: the motion is over")
     )
     for part in (camera, robot):
-        part.add_argument("model", type=Path, metavar="MODEL.yaml", help="of the cup")
+        part.add_argument("model", type=Path, metavar="MODEL.yaml", help="model of the cup")
     camera.add_argument(
         "-o", "--output", type=Path, default=Path(), metavar="DIR", help="default: here"
     )

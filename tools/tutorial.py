@@ -45,7 +45,9 @@ class Typed(NamedTuple):
 def main(words: Sequence[str] | None = None) -> int:
     """Runs all tutorial pages; prints the duration of each command and each page."""
     parser = argparse.ArgumentParser(description="Types the first steps' commands.")
-    parser.add_argument("--home", type=Path, metavar="DIR", help="empty; default: a new one")
+    parser.add_argument(
+        "--home", type=Path, metavar="DIR", help="empty home folder (default: a new one)"
+    )
     given = parser.parse_args(words)
     with tempfile.TemporaryDirectory() as folder:
         try:

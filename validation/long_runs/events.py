@@ -41,8 +41,8 @@ EXACT, TOLD = ("estimate", "fused_estimate"), "comparison"
 def main() -> int:
     """Runs the test; returns 1 if a bag is missing or differs, or a node's memory grew."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--events", type=int, default=100, help="how many")
-    parser.add_argument("--every", type=float, default=36.0, help="time between them [s]")
+    parser.add_argument("--events", type=int, default=100, help="number of events")
+    parser.add_argument("--every", type=float, default=36.0, help="time between events [s]")
     parser.add_argument("-o", "--output", type=Path, default=Path("out/events"))
     given = parser.parse_args()
     if given.every < BEFORE + AFTER + 1.0:

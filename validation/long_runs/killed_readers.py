@@ -55,7 +55,9 @@ def main() -> int:
     """Runs the test; returns 1 if a reader no longer received messages."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=40)
-    parser.add_argument("--without", action="store_true", help="do not hold the dead port")
+    parser.add_argument(
+        "--without", action="store_true", help="do not lock killed processes' ports"
+    )
     parser.add_argument("--role", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.role == "writer":

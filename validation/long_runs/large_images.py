@@ -50,7 +50,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--fps", type=float, default=60.0)
-    parser.add_argument("--height", type=int, default=2160, help="rows; the width is 16/9 of them")
+    parser.add_argument(
+        "--height", type=int, default=2160, help="image rows; the width is 16/9 of them"
+    )
     parser.add_argument("--send", type=Path, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.send:

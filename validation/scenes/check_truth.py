@@ -222,8 +222,12 @@ def main() -> int:
     """Compares the sequences; returns 1 if a difference exceeds its limit."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--edges", type=int, default=0, help="masks to compare with the geometry")
-    parser.add_argument("--masks", type=int, default=0, help="masks to render per sequence")
+    parser.add_argument(
+        "--edges", type=int, default=0, help="number of stored masks to compare with the geometry"
+    )
+    parser.add_argument(
+        "--masks", type=int, default=0, help="number of masks to render again per sequence"
+    )
     args = parser.parse_args()
     files = sorted([*args.folder.glob("truth.json"), *args.folder.glob("*/truth.json")])
     if not files:

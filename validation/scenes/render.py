@@ -220,7 +220,9 @@ def main() -> int:
     parser.add_argument("--list", action="store_true", help="list the scenes")
     parser.add_argument("-o", "--out", type=Path, help="folder for the sequences")
     parser.add_argument("--frames", type=int, help="frames per sequence")
-    parser.add_argument("--no-masks", action="store_true", help="photographs alone, in less time")
+    parser.add_argument(
+        "--no-masks", action="store_true", help="render only photographs, which takes less time"
+    )
     args = parser.parse_args()
     if args.list:
         for scene in SCENES.values():

@@ -42,7 +42,9 @@ _ARC = np.deg2rad(np.linspace(-60.0, 60.0, 25))
 def main() -> int:
     """Prints the table; returns 1 if an image could not be calibrated."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", nargs="*", type=Path, help="default: the shared data")
+    parser.add_argument(
+        "folder", nargs="*", type=Path, help="sequences (default: the shared data)"
+    )
     parser.add_argument(
         "--half", choices=("even", "odd"), help="scenes whose name ends in such a number alone"
     )

@@ -318,10 +318,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--calibrated", action="store_true", help="by the pose that the still image tells"
     )
-    parser.add_argument("--unflagged", action="store_true", help="frames without a flag alone")
-    parser.add_argument("--disturb", action="store_true", help="also under disturbances")
+    parser.add_argument("--unflagged", action="store_true", help="use only frames without a flag")
+    parser.add_argument("--disturb", action="store_true", help="measure also under disturbances")
     parser.add_argument("--docs", action="store_true", help=f"write the tables into {PAGE.name}")
-    parser.add_argument("--check", action="store_true", help="exit 1 where a requirement fails")
+    parser.add_argument("--check", action="store_true", help="exit with 1 if a requirement fails")
     return parser
 
 

@@ -248,8 +248,12 @@ def main() -> None:
     """Prints the tables for damaged files and for unsuitable images."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, help="folder of rendered sequences")
-    parser.add_argument("--half", type=int, default=1, choices=(0, 1), help="which frames")
-    parser.add_argument("--each", type=int, default=10, help="damages of a kind on each frame")
+    parser.add_argument(
+        "--half", type=int, default=1, choices=(0, 1), help="even (0) or odd (1) frames"
+    )
+    parser.add_argument(
+        "--each", type=int, default=10, help="number of damages of a kind per frame"
+    )
     arguments = parser.parse_args()
     folders = sequences_in(arguments.data) if arguments.data else shared_sequences()
     sequences = [read_sequence(folder) for folder in folders]

@@ -147,7 +147,9 @@ def main() -> int:
     """Measures the scenes in a folder and prints or writes the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenes", type=Path, help="folder of the rendered scenes")
-    parser.add_argument("--tuning", action="store_true", help="those of even number")
+    parser.add_argument(
+        "--tuning", action="store_true", help="use the scenes of even number, for tuning"
+    )
     parser.add_argument("--docs", action="store_true", help="write the table into docs/")
     args = parser.parse_args()
     folders = [

@@ -25,7 +25,7 @@ def main() -> None:
     """Identifies random cups from simulated forces and prints a table of errors."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=40)
-    parser.add_argument("--tuned", action="store_true", help="the even seeds")
+    parser.add_argument("--tuned", action="store_true", help="use the even seeds, for tuning")
     parser.add_argument("--each", action="store_true", help="print each seed")
     arguments = parser.parse_args()
     errors: list[list[float]] = []

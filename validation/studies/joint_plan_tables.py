@@ -300,8 +300,12 @@ def table(rows: Sequence[Row]) -> str:
 def main() -> int:
     """Plans missing cases and prints the table; returns 1 if a limit is exceeded."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("rows", type=Path, help="measured rows, JSON lines; grows")
-    parser.add_argument("--cases", type=int, default=100, help="of each robot (default: 100)")
+    parser.add_argument(
+        "rows", type=Path, help="file of results as JSON lines, extended by each run"
+    )
+    parser.add_argument(
+        "--cases", type=int, default=100, help="number of cases of each robot (default: 100)"
+    )
     parser.add_argument("--first", type=int, default=0, help="first seed (default: 0)")
     parser.add_argument(
         "--antisloshing", type=Path, help=f"folder with {MACHINES[COMAU].urdf}: the Comau, too"

@@ -312,7 +312,7 @@ def main() -> int:
     """Tests all mountings and prints or writes the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--motions", type=int, default=10)
-    parser.add_argument("--tuning", action="store_true", help="the seeds used for tuning")
+    parser.add_argument("--tuning", action="store_true", help="use the seeds for tuning")
     parser.add_argument("--docs", action="store_true", help="write the table")
     arguments = parser.parse_args()
     first = 0 if arguments.tuning else 1

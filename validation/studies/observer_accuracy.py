@@ -131,10 +131,12 @@ def write_table(
         the exit code.
     """
     parser = argparse.ArgumentParser(description=doc.splitlines()[0])
-    parser.add_argument("--runs", type=int, default=100, help="runs of each row")
-    parser.add_argument("--half", type=int, default=1, choices=(0, 1), help="seeds")
+    parser.add_argument("--runs", type=int, default=100, help="number of runs for each table row")
+    parser.add_argument(
+        "--half", type=int, default=1, choices=(0, 1), help="even (0) or odd (1) seeds"
+    )
     parser.add_argument("--docs", action="store_true", help="write the table of the page")
-    parser.add_argument("--workers", type=int, default=2, help="processes")
+    parser.add_argument("--workers", type=int, default=2, help="number of processes")
     arguments = parser.parse_args()
     seeds = range(arguments.half, 2 * arguments.runs, 2)
     lines = ["| " + " | ".join(head) + " |", "|---" + "|--:" * (len(head) - 1) + "|"]

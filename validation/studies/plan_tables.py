@@ -219,9 +219,13 @@ def read_rows(path: Path) -> list[Row]:
 def main() -> int:
     """Plans as many cases as the time allows, in mixed order, and prints the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("rows", type=Path, help="JSON lines: what was measured, also earlier")
+    parser.add_argument(
+        "rows", type=Path, help="file of results as JSON lines, extended by each run"
+    )
     parser.add_argument("--paths", type=int, default=20, help="random paths")
-    parser.add_argument("--seconds", type=float, default=1e9, help="stop after so many [s]")
+    parser.add_argument(
+        "--seconds", type=float, default=1e9, help="time after which no new case is begun [s]"
+    )
     parser.add_argument("--docs", action="store_true", help="write docs/plan.md")
     arguments = parser.parse_args()
     todo = [

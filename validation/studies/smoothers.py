@@ -155,7 +155,7 @@ def main() -> int:
     """Compares both filters on random motions and prints all results."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--motions", type=int, default=6)
-    parser.add_argument("--tuning", action="store_true", help="the seeds used for tuning")
+    parser.add_argument("--tuning", action="store_true", help="use the seeds for tuning")
     arguments = parser.parse_args()
     first = 0 if arguments.tuning else 1
     seeds = range(first, first + 2 * arguments.motions, 2)

@@ -65,7 +65,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("room", choices=ROOMS, help="package whose numbers are moved")
     parser.add_argument("-o", dest="output", type=argparse.FileType("w"), default=sys.stdout)
-    parser.add_argument("--only", default="", metavar="NAME", help="names that contain this")
+    parser.add_argument(
+        "--only", default="", metavar="NAME", help="change only numbers with NAME in their name"
+    )
     parser.add_argument("--workers", type=int, default=2, help="processes at a time")
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
