@@ -146,5 +146,5 @@ class VelocityInput(PoseInput):
         return self._place
 
     def _jumped(self, stamp_ns: int, position: Vector) -> bool:
-        """Returns False; a jump of velocity is an acceleration, which the estimate shows."""
+        """Returns False: a jump of the velocity is no fault but a strong acceleration."""
         return False

@@ -118,7 +118,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     scale.add_argument(
         "--page", type=Path, metavar="OUT.html",
-        help="HTML page to write: on it you click the two points, and it shows the command to run",
+        help="HTML page to write: on it you click the two --scale points, and it shows the "
+        "command to run",
     )  # fmt: skip
     parser.add_argument(
         "-o", "--output", type=Path, required=True, help="name of the camera.yaml to write"

@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sensor",
         choices=SENSORS,
-        help="sensor to check (default: the first of these in the bag)",
+        help="sensor to check (default: imu if the bag has one)",
     )
     parser.add_argument(
         "--reference", choices=REFERENCES,

@@ -121,7 +121,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--error", type=Path, nargs="+", action="extend", metavar="RESULT.json",
         help="read MAE and epsilon from results of slosh replay -o, demo or cell; the "
-        "largest values are used",
+        "largest values count as --mae and --epsilon",
     )  # fmt: skip
     parser.add_argument(
         "--robust", action="store_true",

@@ -121,7 +121,7 @@ def _resampled(line: TracedLine, residual: FloatArray, x: FloatArray) -> FloatAr
 
 
 def _at_wall(line: TracedLine, residual: FloatArray, wall: float) -> float:
-    """Extrapolates the contact line's height to a wall, using residuals of nearby points.
+    """Extrapolates the contact line to a side wall, correcting a fit by residuals near the wall.
 
     The last pixels before the wall mix what is on either side, so the line is led on over them. On
     a round wall the shape alone tells it: there the line turns away from the camera.

@@ -141,7 +141,7 @@ class _Container:
         self._imu, self._poses = AttitudeCollector(how.frames[1]), PoseAttitudes(how.frames[0])
 
     def takers(self, topics: Mapping[str, TopicInfo]) -> dict[str, Taker]:
-        """Returns the handlers for the topics of a bag that supplement the input."""
+        """Returns message handlers by topic, for topics that supplement the input's topic."""
         found: dict[str, Taker] = {}
         if self._kind != "accel":
             return found

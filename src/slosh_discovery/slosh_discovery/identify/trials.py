@@ -240,7 +240,7 @@ def _repeated(first: Inputs, second: Inputs) -> bool:
 
 
 def _centre(inputs: Inputs) -> float:
-    """Returns the time [s] at the centre of the squared acceleration."""
+    """Returns the centroid [s] of the squared acceleration over time."""
     power = np.sum(inputs.acceleration**2, axis=1)
     total = float(np.sum(power))
     return float(np.sum(power * inputs.t)) / total if total > 0.0 else float(inputs.t[0])
