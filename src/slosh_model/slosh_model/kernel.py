@@ -284,7 +284,7 @@ def corner_azimuth(height_x, height_y, radius_x, radius_y):  # type: ignore[no-u
 def read_many(  # type: ignore[no-untyped-def]
     t, started, heights, azimuth, reaches, fill, cornered, parameters, memory, read
 ):
-    """Computes what the sensor measures at one azimuth, or as the maximum over the wall.
+    """Computes the heights [m] that a sensor measures at one azimuth, or as maximum over the wall.
 
     Args:
         t: (N,) [s].

@@ -62,7 +62,7 @@ class PrismaticContainer(SolvedContainer):
 
     @property
     def cornered(self) -> bool:
-        """Whether the wave heights along x and y add up to the maximum.
+        """Whether the maximum height is the sum of the wave heights along x and y.
 
         Not where every direction is alike, as in a hexagon.
         """
