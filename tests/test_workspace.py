@@ -53,8 +53,6 @@ OPTIONAL = {
     "asyncua",
     "casadi",
     "cryptography",
-    "duckdb",
-    "fsspec",
     "pandas",
     "pymodbus",
 }

@@ -9,12 +9,11 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import hashlib
+import importlib
 import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
-
-import fsspec
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.export_sinks import load_pyarrow
@@ -52,7 +51,8 @@ class FleetStore:
     def __init__(self, url: str) -> None:
         self.url = url
         try:
-            self._files, self._root = fsspec.core.url_to_fs(url)
+            core = importlib.import_module("fsspec.core")
+            self._files, self._root = core.url_to_fs(url)
         except (ImportError, ValueError) as error:
             raise SloshBagError(f"{url}: {' '.join(str(error).split())}") from None
 
@@ -85,8 +85,7 @@ class FleetStore:
             SloshBagError: there are none, or the place cannot be read.
         """
         arrow, _ = load_pyarrow()
-        from pyarrow import dataset
-
+        dataset = importlib.import_module("pyarrow.dataset")
         try:
             # Beside files that are being written, which have other names.
             found = self._files.glob(f"{self._root}/cell=*/month=*/[0-9a-f]*{SUFFIX}")
