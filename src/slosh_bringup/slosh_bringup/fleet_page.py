@@ -10,16 +10,16 @@ from markupsafe import Markup
 
 from slosh_replay.fleet.query import TABLE, MotionTable
 from slosh_replay.fleet.store import FleetStore
-from slosh_report.page.svg import INK, LINEAR, MEASURED, NONLINEAR, canvas, style, svg_text
+from slosh_report.page.svg import LINEAR, MEASURED, NONLINEAR, canvas, style, svg_text
 from slosh_report.page.template import make_environment
 
-SIZE = (9.6, 2.6)
-MOST_LINES: Final = 4
+SIZE = (6.4, 2.6)
+MOST_LINES: Final = 3
 """Containers whose trends are drawn, those with most motions first."""
 WORST: Final = 20
-_COLOURS = (NONLINEAR, LINEAR, MEASURED, INK)
+_COLOURS = (NONLINEAR, LINEAR, MEASURED)
 _OVERVIEW = f"SELECT count(*), count(DISTINCT cell), min(begin), max(begin) FROM {TABLE}"
-_MONTHS = f"""SELECT month, cell, container, count(*),
+_MONTHS = f"""SELECT month, cell, container, left(model_digest, 8), count(*),
 max(coalesce(measured_peak, nonlinear_peak)), avg(sigma_nonlinear),
 median(natural_frequency), median(damping_ratio), sum(events)
 FROM {TABLE} GROUP BY month, cell, container, model_digest ORDER BY month, cell, container"""
@@ -91,7 +91,7 @@ def _trend(
         for rows, colour in zip(found, _COLOURS, strict=False):
             days = [day for day, _ in rows]
             axes.plot(days, [factor * value for _, value in rows], ".-", color=colour)
-        axes.set_ylabel(label)
+        axes.ticklabel_format(axis="y", useOffset=False)
         return Trend(name, label, Markup(svg_text(figure, name)))
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from slosh_plc.cell_state import REGISTERS, SIGNALS, CellState, Kind
 from slosh_plc.errors import SloshPlcError
-from slosh_plc.server import ServerHealth, State, check_port, missing
+from slosh_plc.server import ServerHealth, State, check_port, missing, quiet
 
 READING = (3, 4)
 """Modbus functions that are answered: read holding registers, read input registers."""
@@ -69,6 +69,7 @@ class ModbusServer:
             memory[-first : REGISTERS - first] = registers(state())
             return None
 
+        quiet("pymodbus")
         check_port("modbus_port", self._settings.host, self._settings.port)
         block = SimData(0, count=REGISTERS, datatype=DataType.REGISTERS)
         device = SimDevice(0, [block], action=answer)

@@ -14,7 +14,7 @@ from typing import Any, Final
 from slosh_plc.cell_state import SIGNALS, CellState, Kind, Quality, Reading, Signal
 from slosh_plc.certificates import ServerCertificate, fingerprint
 from slosh_plc.errors import SloshPlcError
-from slosh_plc.server import LOOPBACK, ServerHealth, State, check_port, missing
+from slosh_plc.server import LOOPBACK, ServerHealth, State, check_port, missing, quiet
 
 NAMESPACE: Final = "urn:slosh:cell"
 """Namespace of the information model."""
@@ -90,6 +90,7 @@ class OpcUaServer:
             from asyncua import Server
         except ModuleNotFoundError:
             raise missing("asyncua") from None
+        quiet("asyncua")
         check_port("opc_ua_port", self._settings.host, self._settings.port)
         server = Server(user_manager=_Readers())
         server.name = server.manufacturer_name = "slosh"

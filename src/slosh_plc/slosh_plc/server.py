@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import socket
 import threading
 from collections.abc import Callable, Sequence
@@ -138,6 +139,11 @@ def check_port(name: str, host: str, port: int) -> None:
     except OSError as error:
         other = "; choose another port for each cell" if error.errno else ""
         raise SloshPlcError(f"{name} = {port} on {host}: {error.strerror}{other}") from None
+
+
+def quiet(library: str) -> None:
+    """Lets a library log nothing: strangers' bytes would fill a node's log with its tracebacks."""
+    logging.getLogger(library).setLevel(logging.CRITICAL + 1)
 
 
 def missing(module: str) -> SloshPlcError:

@@ -111,3 +111,16 @@ def test_a_port_that_is_taken_is_named():
             ServedCell().serve(server),
         ):
             pass
+
+
+GARBAGE = (b"", b"\0" * 12, b"GET / HTTP/1.1\r\n\r\n", b"HELF\x08\0\0\0", bytes(range(256)) * 40)
+
+
+def test_strangers_bytes_cost_no_client_anything(served, capfd):
+    _, port = served
+    for data in GARBAGE:
+        with socket.create_connection(("127.0.0.1", port), 5.0) as stranger:
+            stranger.sendall(data)
+    (answer,) = ask(port, read_all)
+    assert not answer.isError()
+    assert capfd.readouterr().err == ""

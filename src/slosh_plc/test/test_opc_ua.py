@@ -282,3 +282,17 @@ def test_a_port_that_is_taken_is_named():
             ServedCell().serve(OpcUaServer(own)),
         ):
             pass
+
+
+GARBAGE = (b"", b"\0" * 12, b"GET / HTTP/1.1\r\n\r\n", b"HELF\x08\0\0\0", bytes(range(256)) * 40)
+
+
+def test_strangers_bytes_cost_no_client_anything(served, capfd):
+    _, url = served
+    port = int(url.rpartition(":")[2].partition("/")[0])
+    for data in GARBAGE:
+        with socket.create_connection(("127.0.0.1", port), 5.0) as stranger:
+            stranger.sendall(data)
+    (value,) = ask(url, told("heartbeat"))
+    assert value.StatusCode is not None
+    assert capfd.readouterr().err == ""

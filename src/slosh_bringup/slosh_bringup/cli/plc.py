@@ -11,6 +11,7 @@ from slosh_bringup.live.cell_setup import NAMESPACE
 from slosh_bringup.parameter_file import check_parameter_file
 from slosh_bringup.processes import NodeProcess
 from slosh_plc.cell_state import ADDRESSES, SIGNALS, Kind
+from slosh_report.text_table import aligned
 
 EPILOG = """OPC UA listens on this machine, port 4840, unless the file says otherwise:
   /**:
@@ -50,15 +51,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 def as_text() -> str:
     """Returns the table of the served values."""
-    lines = [f"{'value':20} {'type':6} {'unit':4} {'Modbus':>7} {'quality':>7}  meaning"]
+    rows = [("value", "type", "unit", "Modbus", "quality", "meaning")]
     for signal in SIGNALS:
         unit = "" if signal.unit == "1" else signal.unit
         choices = ", ".join(f"{number} {name}" for number, name in enumerate(signal.choices))
         meaning = signal.meaning + (f": {choices}" if choices else "")
-        lines.append(
-            f"{signal.name:20} {signal.kind.value:6} {unit:4} {signal.address:7} "
-            f"{signal.address + 2:7}  {meaning}"
-        )
+        addresses = str(signal.address), str(signal.address + 2)
+        rows.append((signal.name, signal.kind.value, unit, *addresses, meaning))
+    lines = aligned(rows, "<<<>><")
     lines.append(
         "Modbus registers (functions 3 and 4, from 0): float32 or uint32, high word first; "
         "quality: 0 good, 1 uncertain, 2 bad"

@@ -15,6 +15,7 @@ from slosh_bag.store.retention import BagKind, Retention, StoredBag, Surplus, su
 from slosh_bag.store.stored_bags import delete, stored_bags
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.quantities import SIZE
+from slosh_report.text_table import aligned
 
 EPILOG = """Only bags of runs are shown (RUNS/2026-11-22T10-15-00/bag), and never a running one is
 deleted; reports, logs and settings stay. While a cell runs, its recorder does the same by its
@@ -66,19 +67,19 @@ def run(arguments: argparse.Namespace) -> int:
 def as_text(bags: Sequence[StoredBag], found: Surplus, is_deleted: bool) -> str:
     """Returns the table of the bags."""
     fate = "deleted" if is_deleted else "would be deleted"
-    lines = [f"{'written':16}  {'MB':>9}  {'kind':8}  {'':16}  bag"]
+    rows = [("written", "MB", "kind", "", "bag")]
     for bag in bags:
-        when = datetime.fromtimestamp(bag.written)
-        lines.append(
-            f"{when:%Y-%m-%d %H:%M}  {1e-6 * bag.size:9.1f}  {bag.kind.value:8}  "
-            f"{fate if bag in found.bags else '':16}  {bag.folder}"
-        )
-    size, gone = sum(bag.size for bag in bags), sum(bag.size for bag in found.bags)
-    lines.append(f"{len(bags)} bags, {1e-6 * size:.1f} MB; {len(found.bags)} of them, "
-                 f"{1e-6 * gone:.1f} MB, {fate}")  # fmt: skip
+        when = f"{datetime.fromtimestamp(bag.written):%Y-%m-%d %H:%M}"
+        done = fate if bag in found.bags else ""
+        rows.append((when, f"{1e-6 * bag.size:.1f}", bag.kind.value, done, str(bag.folder)))
+    size, gone = (1e-6 * sum(bag.size for bag in part) for part in (bags, found.bags))
+    lines = aligned(rows, "<><<<")
+    lines.append(
+        f"{len(bags)} bags, {size:.1f} MB; {len(found.bags)} of them, {gone:.1f} MB, {fate}"
+    )
     if found.excess:
         lines.append(f"the running recording exceeds the quota by {1e-6 * found.excess:.1f} MB")
-    return "\n".join(map(plain_line, lines))
+    return "\n".join(lines)
 
 
 def as_json(bags: Sequence[StoredBag], found: Surplus, is_deleted: bool) -> str:
