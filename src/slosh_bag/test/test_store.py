@@ -107,6 +107,8 @@ def runs(tmp_path):
     make(root / "my_bags" / "bag", 500)
     make(tmp_path / "elsewhere", 500)
     (root / "2026-01-03T10-00-00" / "link").symlink_to(tmp_path / "elsewhere")
+    make(tmp_path / "another" / "bag", 500)
+    (root / "2026-01-05T10-00-00").symlink_to(tmp_path / "another")
     (root / "latest").symlink_to("2026-01-03T10-00-00")
     return root
 

@@ -48,7 +48,7 @@ def months(tmp_path_factory):
             "cell": "line_1", "digest": f"{number:064x}", "bag": f"/bags/<{number}>",
             "container": "cylinder", "model_digest": "ab" if number % 3 else "cd",
             "begin_ns": begin + number * DAY_NS // 2, "natural_frequency": 19.0 - 0.01 * number,
-            "measured_limit": 0.02, "estimated_limit": 0.02, "events": int(number == 7),
+            "measured_limit": 0.02, "estimated_limit": 0.005 if number == 20 else 0.02, "events": int(number == 7),
             "nonlinear_peak": 0.03 if number == 7 else 0.01,
         }  # fmt: skip
         rows.append(MotionRow(**{**numbers, **whole, **own}))
@@ -121,6 +121,7 @@ def test_the_page_shows_trends_shifts_and_the_worst_motions(months, tmp_path, ca
     assert not re.search(r"(?:src|href)=\"http", text)
     worst = text[text.index('id="worst"') :]
     assert re.search(r"2026-01-13 21:00:00.*?10\.00.*?30\.00.*?20\.00", worst, re.S)
+    assert worst.index("/bags/&lt;20&gt;") < worst.index("/bags/&lt;7&gt;")
     assert worst.index("/bags/&lt;7&gt;") < worst.index("/bags/&lt;0&gt;")
     assert 'href="file:///bags/%3C7%3E"' in worst
     assert "<7>" not in text

@@ -67,6 +67,16 @@ def told(signal):
     return question
 
 
+def until_told(signal, value):
+    """A question that waits until a value is served."""
+
+    async def question(client):
+        while (await told(signal)(client)).Value.Value != value:
+            await asyncio.sleep(0.01)
+
+    return question
+
+
 def test_a_client_finds_the_cell_its_units_and_its_choices(served):
     _, url = served
 
@@ -94,6 +104,7 @@ def test_a_client_finds_the_cell_its_units_and_its_choices(served):
 def test_a_subscription_is_told_of_values_and_of_the_loss(served):
     cell, url = served
     cell.state = good_state(estimated_height=0.0123, state=1)
+    ask(url, until_told("estimated_height", 0.0123))
 
     async def follow(client):
         heard = asyncio.Queue()
@@ -119,16 +130,6 @@ def test_a_subscription_is_told_of_values_and_of_the_loss(served):
     state, blind = ask(url, told("state"), told("blind"))
     assert state.StatusCode.value == blind.StatusCode.value == ua.StatusCodes.BadNoCommunication
     assert (state.Value.Value, blind.Value.Value) == (None, None)  # with a bad status none is sent
-
-
-def until_told(signal, value):
-    """A question that waits until a value is served."""
-
-    async def question(client):
-        while (await told(signal)(client)).Value.Value != value:
-            await asyncio.sleep(0.01)
-
-    return question
 
 
 def write(client_value, signal="calm"):
