@@ -48,7 +48,8 @@ def months(tmp_path_factory):
             "cell": "line_1", "digest": f"{number:064x}", "bag": f"/bags/<{number}>",
             "container": "cylinder", "model_digest": "ab" if number % 3 else "cd",
             "begin_ns": begin + number * DAY_NS // 2, "natural_frequency": 19.0 - 0.01 * number,
-            "measured_limit": 0.02, "estimated_limit": 0.005 if number == 20 else 0.02, "events": int(number == 7),
+            "measured_limit": 0.02, "estimated_limit": 0.005 if number == 20 else 0.02,
+            "events": int(number == 7),
             "nonlinear_peak": 0.03 if number == 7 else 0.01,
         }  # fmt: skip
         rows.append(MotionRow(**{**numbers, **whole, **own}))
