@@ -1,12 +1,14 @@
 """Tests `slosh plc`, and the keys with which a cell file and a launch start its node."""
 
 import json
+from datetime import datetime
 from pathlib import Path
 
 import pytest
 
 from slosh_bringup.cli.main import main
 from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.launched_cell import LaunchedCell
 from slosh_bringup.live.cell_setup import read_setup
 from slosh_plc.cell_state import REGISTERS, SIGNALS
 
@@ -52,6 +54,12 @@ def cell(tmp_path, line):
 def test_a_cell_file_starts_the_node(tmp_path, line, there):
     names = [one.name for one in cell(tmp_path, line).processes(Path("bag"))]
     assert ("plc" in names) == there
+
+
+@pytest.mark.parametrize(("given", "there"), [({"plc": "true"}, True), ({}, False)])
+def test_a_launch_starts_the_node(given, there):
+    cell = LaunchedCell({"record": "false", **given}, datetime(2026, 11, 26), print)
+    assert ("plc" in [process.name for process in cell.processes]) == there
 
 
 def test_a_cell_file_says_yes_or_no(tmp_path):

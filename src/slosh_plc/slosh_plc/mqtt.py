@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import importlib.util
+import importlib
 import json
 import math
 import re
@@ -139,8 +139,10 @@ class MqttPublisher:
         Raises:
             SloshPlcError: aiomqtt is not installed.
         """
-        if importlib.util.find_spec("aiomqtt") is None:
-            raise missing("aiomqtt")
+        try:
+            importlib.import_module("aiomqtt")
+        except ModuleNotFoundError:
+            raise missing("aiomqtt") from None
         self._task = asyncio.get_running_loop().create_task(self._run())
 
     async def update(self, state: CellState) -> None:

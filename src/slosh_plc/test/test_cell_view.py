@@ -2,6 +2,7 @@
 
 import math
 import struct
+import sys
 from datetime import UTC, datetime
 from types import SimpleNamespace
 
@@ -15,9 +16,12 @@ from slosh_estimator.observer.calm import CalmReason
 from slosh_plc.cell_state import REGISTERS, SIGNALS, Quality, Reading
 from slosh_plc.cell_state import Kind as Type
 from slosh_plc.cell_view import CellView
-from slosh_plc.modbus import registers
-from slosh_plc.mqtt import document, lost_state
+from slosh_plc.errors import SloshPlcError
+from slosh_plc.modbus import ModbusServer, ModbusSettings, registers
+from slosh_plc.mqtt import MqttPublisher, MqttSettings, document, lost_state
+from slosh_plc.opc_ua import OpcUaServer, OpcUaSettings
 from slosh_plc.tuning import TUNING
+from slosh_testing.plc import ServedCell
 
 GOOD, UNCERTAIN, BAD = Quality
 ANY = st.floats(allow_nan=True, allow_infinity=True)
@@ -168,6 +172,22 @@ def test_whatever_is_heard_every_server_can_tell_it(a, b, c, d, state, reason):
         assert math.isfinite(value) or quality is BAD
     assert len(registers(found)) == REGISTERS
     document("cell", found, datetime(2026, 1, 1, tzinfo=UTC))
+
+
+@pytest.mark.parametrize(
+    ("server", "module"),
+    [
+        (ModbusServer(ModbusSettings("127.0.0.1", 1)), "pymodbus"),
+        (OpcUaServer(OpcUaSettings("cell", "127.0.0.1", 1)), "asyncua"),
+        (MqttPublisher(MqttSettings("cell", "127.0.0.1", 1)), "aiomqtt"),
+    ],
+)
+def test_a_library_that_is_absent_is_named_with_its_remedy(monkeypatch, server, module):
+    for name in [module, *(one for one in sys.modules if one.startswith(f"{module}."))]:
+        monkeypatch.setitem(sys.modules, name, None)
+    told = rf"{module} is not installed \(pip install -r requirements/plc\.txt\)"
+    with pytest.raises(SloshPlcError, match=told), ServedCell().serve(server):
+        pass
 
 
 def test_every_register_is_told_in_the_table_of_signals():

@@ -5,6 +5,7 @@ import json
 import os
 import socket
 import subprocess
+import time
 
 import pytest
 import rclpy
@@ -77,6 +78,18 @@ def test_what_the_cell_says_is_served_and_a_silent_one_is_lost(graph):
     assert len(registers(found)) == REGISTERS
     graph.until(lambda: node._servers._state().is_lost, "the loss")
     assert "values have bad quality" in node._health()[1]
+
+
+def test_messages_that_waited_while_the_node_stood_still_are_not_new(graph):
+    node = serve(graph)
+    compare = graph.publisher(SloshComparison, topics.COMPARISON)
+    event = graph.publisher(LimitEvent, topics.LIMIT_EVENT, qos.EVENT)
+    node._looked -= 10.0  # as if the process had been stopped
+    compare.publish(comparison())
+    event.publish(LimitEvent(kind=LimitEvent.KIND_START, source=LimitEvent.SOURCE_ESTIMATED))
+    graph.until(lambda: node._view._events["estimated_events"] == 1)
+    assert node._view.state(time.monotonic()).is_lost
+    graph.until(lambda: (compare.publish(comparison()), node._view._heard_at > 0.0)[1])
 
 
 def test_a_broken_message_costs_nothing_else(graph):

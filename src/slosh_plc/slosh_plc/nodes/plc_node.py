@@ -38,6 +38,8 @@ from slosh_replay.recording.settings import node_start
 
 BATCH = 2000
 """Most messages of a topic that are taken at once."""
+LASTING = (NodeSettings, LimitEvent)
+"""Messages that hold until the next one, however late they are taken."""
 PARAMETERS = (
     ParameterSpec(
         "host", "127.0.0.1", "address on which the servers listen; 0.0.0.0: all addresses"
@@ -75,6 +77,7 @@ class PlcNode(PolledNode):
         given = declare(self, PARAMETERS)
         servers = servers_of(given, self.get_namespace().strip("/") or "slosh")
         self._view = CellView(time.monotonic())
+        self._looked = time.monotonic()
         self._taken: list[tuple[Subscription, Any, Callable[[Any], None]]] = []
         self._add(NodeSettings, topics.SETTINGS, qos.EVENT, self._on_settings)
         self._add(LimitEvent, topics.LIMIT_EVENT, qos.EVENT, self._view.take_event)
@@ -96,8 +99,13 @@ class PlcNode(PolledNode):
         self._taken.append((self.subscribe_polled(kind, topic, profile), kind, use))
 
     def _look(self) -> None:
+        before, self._looked = self._looked, time.monotonic()
+        # What waited while this process stood still tells nothing of the cell as it is now.
+        is_late = self._looked - before > TUNING.silence
         for subscription, kind, use in self._taken:
             for message in take(subscription, kind, BATCH):
+                if is_late and kind not in LASTING:
+                    continue
                 self._report.counts[subscription.topic.rpartition("/")[2]] += 1
                 try:
                     use(message)
