@@ -92,6 +92,7 @@ class Container(ABC):
         straight_alone: whether the surface of its linear model is straight with one mode only:
             with more of them it has their own shapes.
         validated: where its models were validated.
+        surface_known: whether `surface_shape` is a mode's own, not a straight line.
         most_modes: number of modes that its models may have.
     """
 
@@ -104,6 +105,7 @@ class Container(ABC):
     built_in: ClassVar[Mapping[str, Mapping[str, float]]]
     straight_alone: ClassVar[bool]
     validated: ClassVar[ValidityLimits]
+    surface_known: ClassVar[bool] = True
     most_modes: ClassVar[int] = MAXIMUM_MODE
 
     @staticmethod

@@ -50,6 +50,8 @@ class RoundBody(Box):
             raise SloshCameraError(
                 f"shape: a {container.shape} has no silhouette that tells heights; possible are "
                 "cylinder, rectangle and bodies of revolution"
+                + f"; along its y it is a rectangle of width {container.size:g} m, as which "
+                "`slosh calibrate --scale --model` describes it" * container.cornered
             )
         lean = float(np.hypot(1.0, min(abs(container.widening), _STEEPEST)))
         return cls(

@@ -128,7 +128,8 @@ def _solved(
 ) -> tuple[Array, tuple[Array, Array]]:
     """Solves the eigenvalue problems on a mesh; returns mode constants and surface shapes."""
     parts = _Integrals.over(mesh)
-    rows, shapes, edge = [], [], -1
+    rows: list[tuple[float, ...]] = []
+    shapes, edge = [], -1
     for n, group in itertools.groupby(keys, lambda key: key[0]):
         k = n * math.pi / long
         values, vectors = lowest(

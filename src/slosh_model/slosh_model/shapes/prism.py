@@ -41,6 +41,7 @@ class PrismaticContainer(SolvedContainer):
     """
 
     section: ClassVar[str] = PRISMATIC
+    surface_known: ClassVar[bool] = False
     built_in: ClassVar[Mapping[str, Mapping[str, float]]] = MappingProxyType(
         {
             "quasi_static_modes": MappingProxyType({"kappa": 1.0}),

@@ -242,9 +242,9 @@ class Wedge(TroughContainer):
 
     shape: ClassVar[str] = "wedge"
 
-    top_width: float | None = field(default=None, metadata={"kind": "length"})
-    height: float | None = field(default=None, metadata={"kind": "length"})
-    half_angle: float | None = field(default=None, metadata={"kind": "angle"})
+    top_width: float | None = field(default=None, metadata={"asked": True})
+    height: float | None = field(default=None, metadata={"asked": True})
+    half_angle: float | None = field(default=None, metadata={"asked": False})
 
     def _check_profile(self) -> None:
         for name in ("top_width", "height"):
