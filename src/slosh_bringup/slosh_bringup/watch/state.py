@@ -192,10 +192,12 @@ class WatchState:
         self._settings = MonitorSettings.from_told(parameters)
 
     def take_container(self, container: Container) -> None:
-        """Stores the container's side view and the height of its rim, for drawing."""
+        """Stores the container's side views and the height of its rim, for drawing."""
         self._wall = container.wall
-        outline = np.round(container.silhouette, 5).tolist()
-        self._container = {"outline": outline, "rim": container.freeboard}
+        along, across = (np.round(container.side_view(axis), 5).tolist() for axis in (0, 1))
+        self._container = {"outline": along, "rim": container.freeboard}
+        if across != along:
+            self._container["across"] = across
 
     def take_report(self, report: NodeReport, now: float) -> None:
         """Stores a node's diagnostics; the number of unknown nodes is limited."""
