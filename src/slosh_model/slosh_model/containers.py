@@ -205,6 +205,10 @@ class Container(ABC):
         slenderness = self.root(n) / self.reaches[axis]
         return -2.0 / slenderness * math.tanh(0.5 * slenderness * self.fill_height)
 
+    def height_distance(self, n: int, axis: int = X_AXIS) -> float:
+        """Returns the distance from the axis to the place of a mode's highest wall height [m]."""
+        return self.reaches[axis]
+
     def crest(self, n: int, axis: int = X_AXIS) -> tuple[float, float]:
         """Returns a mode's maximum height relative to that at the wall, and its position [m]."""
         return 1.0, self.reaches[axis]

@@ -91,7 +91,7 @@ def _row(model: Model, number: int, axis: int) -> ModeRow:
         damping_ratio=damping,
         mass=mass,
         mass_ratio=ratio,
-        height_per_displacement=mode.curved_gain,
+        height_per_displacement=mode.curved_gain * container.height_distance(n, axis) / mode.reach,
         static_share=mode.curved_gain * GRAVITY / (omega**2 * mode.reach),
         pendulum_length=GRAVITY / omega**2,
         mass_height=place,

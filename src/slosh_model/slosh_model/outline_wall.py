@@ -36,7 +36,7 @@ def highest_at_corners(corners, count, height_x, height_y):  # type: ignore[no-u
         count: at least 3.
         height_x, height_y: at the reaches along x and y [m].
     """
-    best = -math.inf
+    best = 0.0  # its mean is 0: never below
     for k in range(count):
         best = max(best, corners[k, 0] * height_x + corners[k, 1] * height_y)
     return best

@@ -62,7 +62,7 @@ def anisotropy(moments: Array) -> float:
 def turned_points(places: Array, angle: float) -> Array:
     """Rotates points (N, 2) by an angle [rad]."""
     c, s = math.cos(angle), math.sin(angle)
-    return places @ np.array([[c, s], [-s, c]])
+    return np.asarray(places @ np.array([[c, s], [-s, c]]))
 
 
 def turned_piece(piece: Piece, angle: float) -> Piece:

@@ -127,10 +127,13 @@ class PrismaticContainer(SolvedContainer):
         """Returns the wall height per displacement of the mode's mass [1]."""
         if self.alike:
             # One for both: that along which the crest is furthest out.
-            first, second = (SolvedContainer.numbers(self, 1, one).reach for one in (0, 1))
-            axis = int(second > first)
+            axis = int(self.height_distance(1, 1) > self.height_distance(1, 0))
         own = self.numbers(n, axis)
         return own.height_per_displacement * (self.reaches[axis] / own.reach)
+
+    def height_distance(self, n: int, axis: int = X_AXIS) -> float:
+        """Returns the distance from the centre to a mode's highest place along its motion [m]."""
+        return self.numbers(n, axis).reach
 
     def mode_damping(self, kinematic_viscosity: float, n: int) -> float:
         """Returns mode n's damping ratio ζₙ from the viscosity ν [m²/s].
@@ -143,7 +146,7 @@ class PrismaticContainer(SolvedContainer):
     @property
     def corners(self) -> Array:
         """Corners (K, 2) of the wall, relative to the reaches along x and y."""
-        return _wall_corners(self) / np.array(self.reaches)
+        return np.asarray(_wall_corners(self) / np.array(self.reaches))
 
     @property
     def _rows(self) -> tuple[ModeNumbers, ...]:
