@@ -22,6 +22,8 @@ _HIGH = 0.25
 def write_modes_picture(path: Path, model: Model, rows: tuple[ModeRow, ...]) -> None:
     """Draws the container, the liquid at rest and the mode shapes along x to a file.
 
+    Of a prism its outline and the direction of each mode.
+
     Args:
         path: .png or .svg.
         model: the model.
@@ -30,13 +32,40 @@ def write_modes_picture(path: Path, model: Model, rows: tuple[ModeRow, ...]) -> 
     Raises:
         OSError: the file cannot be written.
     """
-    rows = tuple(row for row in rows if row.axis == "x")
+    plan = model.container.corners * model.container.reaches
+    if not len(plan):
+        rows = tuple(row for row in rows if row.axis == "x")
     with new_picture(path, (3.0 * len(rows), 4.6)) as figure:
         axes = figure.subplots(1, len(rows), sharex=True, sharey=True, squeeze=False)[0]
         for one, row in zip(axes, rows, strict=True):
-            draw_mode(one, model, row)
-        axes[0].set_ylabel("height above the still surface [mm]")
+            if len(plan):
+                draw_direction(one, plan, row)
+            else:
+                draw_mode(one, model, row)
+        axes[0].set_ylabel("y [mm]" if len(plan) else "height above the still surface [mm]")
         figure.suptitle(model.container.described)
+
+
+def draw_direction(axes: Axes, plan: Array, row: ModeRow) -> None:
+    """Draws a prism's outline (N, 2) [m] from above and the direction of a mode."""
+    axes.fill(*_MM * plan.T, facecolor=_LIQUID, edgecolor=_WALL, linewidth=1.6)
+    along = _MM * np.array([np.cos(row.azimuth), np.sin(row.azimuth)])
+    reach = 0.8 * float(np.abs(plan @ along).max()) / _MM
+    axes.annotate(
+        "", reach * along, -reach * along,
+        arrowprops={"arrowstyle": "<->", "color": "#c0392b", "linewidth": 1.6},
+    )  # fmt: skip
+    _entitled(axes, row)
+
+
+def _entitled(axes: Axes, row: ModeRow) -> None:
+    axes.set_aspect("equal")
+    axes.set_title(
+        f"mode {row.number}: {row.natural_frequency / (2.0 * np.pi):.3f} Hz\n"
+        f"ζ {row.damping_ratio:.4f}, mass {100.0 * row.mass_ratio:.1f} %",
+        fontsize=9,
+    )
+    axes.set_xlabel("x [mm]")
 
 
 def draw_mode(axes: Axes, model: Model, row: ModeRow) -> None:
@@ -57,13 +86,7 @@ def draw_mode(axes: Axes, model: Model, row: ModeRow) -> None:
     axes.plot(
         [0.0], [_MM * row.mass_height], "o", color=_WALL, markersize=3.0 + 9.0 * row.mass_ratio
     )
-    axes.set_aspect("equal")
-    axes.set_title(
-        f"mode {row.number}: {row.natural_frequency / (2.0 * np.pi):.3f} Hz\n"
-        f"ζ {row.damping_ratio:.4f}, mass {100.0 * row.mass_ratio:.1f} %",
-        fontsize=9,
-    )
-    axes.set_xlabel("x [mm]")
+    _entitled(axes, row)
 
 
 def fill_below(axes: Axes, wall: Array) -> None:

@@ -192,10 +192,11 @@ class WatchState:
         self._settings = MonitorSettings.from_told(parameters)
 
     def take_container(self, container: Container) -> None:
-        """Stores the container's side view and the height of its rim, for drawing."""
+        """Stores the container's views and the height of its rim, for drawing."""
         self._wall = container.wall
         outline = np.round(container.silhouette, 5).tolist()
-        self._container = {"outline": outline, "rim": container.freeboard}
+        plan = np.round(container.corners * container.reaches, 5).tolist()
+        self._container = {"outline": outline, "rim": container.freeboard, "plan": plan}
 
     def take_report(self, report: NodeReport, now: float) -> None:
         """Stores a node's diagnostics; the number of unknown nodes is limited."""

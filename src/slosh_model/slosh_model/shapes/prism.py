@@ -176,6 +176,13 @@ class PrismaticContainer(SolvedContainer):
         return places, places / places[-1]
 
     @property
+    def silhouette(self) -> Array:
+        """Returns the right half of the view along y (N, 2) [m], z from the still surface."""
+        rim = (self.rim_height or 1.3 * self.fill_height) - self.fill_height
+        floor, reach = -self.fill_height, 0.5 * self.size
+        return np.array([[0.0, floor], [reach, floor], [reach, rim]])
+
+    @property
     def size(self) -> float:
         """Extent of the container along x [m]."""
         return float(np.ptp(self.places[:, 0]))

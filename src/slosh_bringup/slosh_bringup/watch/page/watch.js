@@ -109,7 +109,7 @@ function show(frame) {
   part("side-part").hidden = !container;
   if (container) drawSide(part("side"), container, frame.surface, state.limits.measured);
   showCalm(frame.calm || {});
-  drawAbove(part("above"), frame.surface, state.limits.measured);
+  drawAbove(part("above"), frame.surface, state.limits.measured, container && container.plan);
   heights.draw();
 }
 
