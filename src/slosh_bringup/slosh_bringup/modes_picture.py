@@ -50,10 +50,10 @@ def draw_direction(axes: Axes, plan: Array, row: ModeRow) -> None:
     """Draws a prism's outline (N, 2) [m] from above and the direction of a mode."""
     axes.fill(*_MM * plan.T, facecolor=_LIQUID, edgecolor=_WALL, linewidth=1.6)
     along = _MM * np.array([np.cos(row.azimuth), np.sin(row.azimuth)])
-    reach = 0.8 * float(np.abs(plan @ along).max()) / _MM
+    reach = 0.5 * float(np.abs(plan @ along).max()) / _MM
     axes.annotate(
         "", reach * along, -reach * along,
-        arrowprops={"arrowstyle": "<->", "color": "#c0392b", "linewidth": 1.6},
+        annotation_clip=False, arrowprops={"arrowstyle": "<->", "color": "#c0392b", "linewidth": 1.6},
     )  # fmt: skip
     _entitled(axes, row)
 
