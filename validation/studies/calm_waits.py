@@ -1,4 +1,4 @@
-"""Write the table of waits: when the liquid is said to be calm, and when it is.
+"""Measures when the observer reports calm liquid, compared with when it is calm.
 
     tools/run python validation/studies/calm_waits.py [--runs 500] [--half 1]
 
@@ -32,13 +32,13 @@ HEAD = ("camera", "stops", "false calms", "false at the first", "wait, median [s
 
 
 def main() -> int:
-    """Runs the command; returns its exit code."""
+    """Simulates the stops and writes the table; returns the exit code."""
     rows = [(partial(stop, camera), partial(row, camera)) for camera in (True, False)]
     return write_table(__doc__, "calm", HEAD, rows)
 
 
 def row(camera: bool, stops: Array) -> str:
-    """A row of the table from (N, 4) of `stop`."""
+    """Formats the results of many stops (N, 4) as a table row."""
     needed, told, false, states = stops.T
     wait, need, constant = np.median(told), np.median(needed), needed.max()
     return (
@@ -49,7 +49,7 @@ def row(camera: bool, stops: Array) -> str:
 
 
 def stop(camera: bool, seed: int) -> tuple[float, float, int, int]:
-    """When the wave is within the tolerance and when it is told [s]; false and all states."""
+    """Simulates one stop; returns true and reported waiting time [s], and false states."""
     rng = np.random.default_rng(seed)
     case = Case(
         "stop", float(rng.uniform(0.98, 1.02)), float(2.0 ** rng.uniform(-1.0, 1.0)),

@@ -193,7 +193,7 @@ class LaunchedCell:
         return setup
 
     def _own(self, setup: CellSetup, bag: Path) -> list[NodeProcess]:
-        """Returns the processes of recorder, estimator, camera and monitor, if enabled."""
+        """Returns the enabled processes among recorder, estimator, camera and monitor."""
         more: dict[str, dict[str, str]] = {}
         if self._given["input"]:
             more["estimator"] = {"input": self._given["input"]}
@@ -265,7 +265,7 @@ def time_to_stop(process: NodeProcess) -> float:
 
 
 def typed_parameters(process: NodeProcess) -> dict[str, Any]:
-    """Returns a node's own parameters, converted to their declared types.
+    """Returns the parameters set for a node, converted to their declared types.
 
     Raises:
         SloshBringupError: a value is refused; one line.

@@ -53,7 +53,8 @@ def draw_direction(axes: Axes, plan: Array, row: ModeRow) -> None:
     reach = 0.5 * float(np.abs(plan @ along).max()) / _MM
     axes.annotate(
         "", reach * along, -reach * along,
-        annotation_clip=False, arrowprops={"arrowstyle": "<->", "color": "#c0392b", "linewidth": 1.6},
+        arrowprops={"arrowstyle": "<->", "color": "#c0392b", "linewidth": 1.6},
+        annotation_clip=False,
     )  # fmt: skip
     _entitled(axes, row)
 

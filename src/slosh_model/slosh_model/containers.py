@@ -241,7 +241,7 @@ class Container(ABC):
         return Wall.vertical(radius, self.freeboard)
 
     def height_below_rim(self, distance: float = 0.0) -> float | None:
-        """Returns the wall height [m] that puts the crest a distance below the rim; or None.
+        """Returns the height at the wall [m] for a crest at a distance below the rim, or None.
 
         Args:
             distance: vertical [m]; 0: at the rim.
@@ -269,7 +269,7 @@ class Container(ABC):
 
     @property
     def linear_height(self) -> float:
-        """Wave height above which the linear model fails [m]; infinite with a nonlinear one."""
+        """Wave height [m] above which the linear model fails; infinite with a nonlinear model."""
         return math.inf
 
     @property
@@ -288,7 +288,7 @@ class Container(ABC):
 
     @property
     def cornered(self) -> bool:
-        """Whether the wave heights along x and y add up in a corner of the wall."""
+        """Whether the maximum height is the sum of the wave heights along x and y, in a corner."""
         return self.section == RECTANGULAR
 
     @property

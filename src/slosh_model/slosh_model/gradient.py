@@ -17,7 +17,8 @@ from slosh_model.errors import SloshModelError
 from slosh_model.gradient_kernel import pull_back
 from slosh_model.layout import divided
 from slosh_model.model import VERTICAL, Model
-from slosh_model.simulate import MAXIMUM_STEP, Inputs, Response, simulate, store_of
+from slosh_model.response import Response
+from slosh_model.simulate import MAXIMUM_STEP, Inputs, simulate, store_of
 
 CURVED = "surface_nonlinearity"
 COVERED = (VERTICAL, CURVED)

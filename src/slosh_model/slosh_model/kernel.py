@@ -348,7 +348,7 @@ def wall_place(azimuth, cornered, reaches, corners):  # type: ignore[no-untyped-
 def read_many(  # type: ignore[no-untyped-def]
     t, started, heights, azimuth, reaches, fill, cornered, corners, parameters, memory, read
 ):
-    """Computes what the sensor measures at one azimuth, or as the maximum over the wall.
+    """Computes the heights [m] that a sensor measures at one azimuth, or as maximum over the wall.
 
     Args:
         t: (N,) [s].

@@ -13,7 +13,8 @@ from slosh_model import kernel
 from slosh_model.effects.registry import READING_MEMORY_COUNT
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
-from slosh_model.simulate import Inputs, Response, effect_parameters, simulate
+from slosh_model.response import Response
+from slosh_model.simulate import Inputs, effect_parameters, simulate
 
 Elapsed = TypeVar("Elapsed", float, Array)
 
@@ -134,7 +135,7 @@ def reading_clock(model: Model) -> ReadingClock:
 def predicted_heights(
     model: Model, inputs: Inputs, times: ArrayLike, azimuths: ArrayLike | None = None
 ) -> Array:
-    """Predicts the heights that a sensor measures at given times, with all effects.
+    """Predicts the heights that a sensor measures at given times, with all modelled effects.
 
     >>> import numpy as np
     >>> from slosh_model import Inputs, predicted_heights, read_model

@@ -1,4 +1,4 @@
-"""A sloshing model: container, liquid, damping and additional effects."""
+"""A sloshing model: container, liquid, damping and additional physical effects."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FREQUENCIES = (1e-2, 1e3)  # rad/s; any other value is a unit mistaken for anoth
 
 @dataclass(frozen=True, slots=True)
 class EffectUse:
-    """An effect in a model, with its parameters.
+    """A physical effect that a model includes, with its parameters.
 
     >>> from slosh_model import EffectUse
     >>> dict(EffectUse("static_tilt", {"roll": 0.03, "pitch": 0.0}).parameters)  # rad
@@ -63,7 +63,7 @@ class EffectUse:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Model:
-    """A sloshing model; without effects it is planar and linear (2D-L).
+    """A sloshing model; without added effects it is planar and linear (2D-L).
 
     >>> import slosh
     >>> slosh.Model.from_cup(diameter=0.08, fill_height=0.06, rim_height=0.11)
@@ -189,27 +189,27 @@ class Model:
         return "+".join([f"{space}-{surface}", *others])
 
     def has(self, effect: str) -> bool:
-        """Returns whether the model includes an effect."""
+        """Returns whether the model includes the physical effect with this name."""
         return any(use.name == effect for use in self.effects)
 
     def with_effect(self, effect: str, **parameters: float) -> Model:
-        """Returns the model with an effect added, or its parameters replaced."""
+        """Returns the model with a physical effect added, or its parameters replaced."""
         return self.with_effects(EffectUse(effect, parameters))
 
     def with_effects(self, *uses: EffectUse) -> Model:
-        """Returns the model with several effects added or replaced."""
+        """Returns the model with several physical effects added or replaced."""
         if not uses:
             return self
         acting = {use.name: use for use in (*self.effects, *uses)}
         return replace(self, effects=tuple(acting.values()))
 
     def without_effect(self, effect: str) -> Model:
-        """Returns the model without an effect."""
+        """Returns the model without a physical effect."""
         return replace(self, effects=tuple(use for use in self.effects if use.name != effect))
 
     @property
     def acting(self) -> dict[str, Parameters]:
-        """Parameters of all active effects by name, including those of the container."""
+        """Parameters of all active effects by name, including those built into the container."""
         return {**self.container.built_in, **{use.name: use.parameters for use in self.effects}}
 
     def uses(self, hook: str) -> tuple[tuple[Effect, Parameters], ...]:
@@ -262,7 +262,7 @@ class Model:
         )
 
     def feeling_gravity(self) -> Model:
-        """Returns the model with gravity acting in a tilted container."""
+        """Returns the model with gravity acting along the floor of a tilted container."""
         return self if self.has(TILT) else self.with_effect(TILT)
 
     def mode_constants(self) -> tuple[Mode, ...]:
@@ -299,13 +299,13 @@ class Model:
         return np.full(len(yaws), self.container.axes(len(self.mode_constants())))
 
     def _damping(self, container: Container, number: int) -> float:
-        """Returns the damping ratio ζ of a mode without the model's effects."""
+        """Returns the damping ratio ζ of a mode before modelled effects change it."""
         if self.damping_ratio is not None:
             return self.damping_ratio
         return container.mode_damping(self.liquid.kinematic_viscosity, number)
 
     def mode_frequency(self, number: int) -> float:
-        """Returns the natural frequency ωₙ [rad/s] of any mode without effects."""
+        """Returns the natural frequency ωₙ [rad/s] of any mode, without modelled effects."""
         return self._frequency_factor() * self.container.natural_frequency(number)
 
     def _frequency_factor(self) -> float:

@@ -230,7 +230,7 @@ def _predicted(
     horizon: float,
     error: ModelError,
 ) -> list[Prediction]:
-    """Predicts the heights of motions that the same model covers."""
+    """Predicts the heights of motions that are all simulated with the same model."""
     inputs = [one.inputs(horizon) for one in given]
     ends = [float(one.t[-1]) for one in given]
     linear_modal, modal = (state.linear, state.nonlinear) if state else (None, None)

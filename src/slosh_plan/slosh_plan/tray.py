@@ -185,7 +185,7 @@ def tray_scales(
 
 
 def _open(scales: SafeScales, slowest: float) -> list[tuple[float, float]]:
-    """Returns the safe intervals; one that reaches the slowest scale is extended."""
+    """Returns the safe intervals of time scales; extends one that ends at the slowest scale."""
     return [(a, slowest if b == scales.slowest else b) for a, b in scales.intervals]
 
 

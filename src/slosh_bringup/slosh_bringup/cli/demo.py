@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def tell(line: str) -> None:
-    """Prints an assumption that the program makes about the input, on standard error."""
+    """Prints an assumption about the inputs of `slosh demo` on standard error."""
     print(plain_line(f"slosh demo: note: {line}"), file=sys.stderr)
 
 

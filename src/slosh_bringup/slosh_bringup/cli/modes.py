@@ -33,12 +33,12 @@ columns:
   frequency  natural frequency [Hz]
   damping    damping ratio
   mass       sloshing mass [kg], and its share of the liquid's mass
-  height     height at the wall per displacement of the sloshing mass
+  height     wave height at the wall per displacement of the sloshing mass [1]
   static     share of the mode in the static height under constant acceleration
   pendulum   length of a pendulum of the same frequency [mm]
   position   height of the sloshing mass above the still surface [mm]
   force      lateral force per displacement [N/m]
-  crest      maximum height divided by the height at the wall; above 1: crest away from the wall"""
+  crest      maximum wave height divided by that at the wall; above 1: crest away from the wall"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

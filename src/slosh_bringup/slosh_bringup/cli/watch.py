@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--port",
         type=int,
         default=PORT,
-        help="port of the page; 0 chooses a free one (default %(default)s)",
+        help="TCP port of the web page; 0 chooses a free one (default %(default)s)",
     )
     parser.add_argument(
         "--host", default=HOST,

@@ -139,7 +139,7 @@ def _record(source: YamlDocument) -> str:
 
 
 def _reading(source: YamlDocument) -> dict[str, str]:
-    """Returns the file's settings of the estimator's input."""
+    """Returns the cell file's settings of the estimator's input."""
     found = {}
     for key in READING:
         if key not in source.value:

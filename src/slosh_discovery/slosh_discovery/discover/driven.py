@@ -22,7 +22,8 @@ from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.interpolation import columns_at
 from slosh_model.measure import measured_heights, reading_clock
 from slosh_model.model import Model
-from slosh_model.simulate import Inputs, Response
+from slosh_model.response import Response
+from slosh_model.simulate import Inputs
 
 MOST_COLUMNS = 150
 STEP = 1e-6

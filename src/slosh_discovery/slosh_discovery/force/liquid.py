@@ -18,7 +18,8 @@ from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.parameters import DAMPING, FREQUENCY
-from slosh_model.simulate import Inputs, Response, simulate
+from slosh_model.response import Response
+from slosh_model.simulate import Inputs, simulate
 
 SPRING = "surface_nonlinearity"
 """High waves in a round container are not those of a linear spring; low ones do not feel it."""

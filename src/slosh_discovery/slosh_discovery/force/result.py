@@ -11,7 +11,7 @@ from slosh_discovery.force.tuning import TUNING
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """A number and its standard error.
+    """An identified number and its standard error.
 
     Attributes:
         value: in SI units.
@@ -67,7 +67,7 @@ UNITS = {NEWTON: 1.0, "kgf": 9.80665, "lbf": 4.4482216, "mN": 1e-3, "kN": 1e3, "
 
 
 def likely_unit(mass: float, expected: float) -> str:
-    """Returns the unit of force in which the sloshing mass best matches the expected one [kg].
+    """Returns the unit of force for which the sloshing mass best matches the model's [kg].
 
     Newton, where no unit fits much better: the mass may be another one.
     """

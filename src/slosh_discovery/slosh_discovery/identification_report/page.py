@@ -74,7 +74,7 @@ CAP = 3.0
 
 
 def render_identification(report: IdentificationReport) -> str:
-    """Renders the page of an identification as HTML; every text in it is escaped."""
+    """Renders the HTML page of an identification; every text in it is escaped."""
     found, document = report.found, identification_document(report)
     drawn = drawn_motions(found.motions)
     speeds = [point for point in found.points if point.point.speed == point.point.speed]
@@ -115,7 +115,7 @@ def _noise_of(found: Identification, motion: FittedMotion) -> IdentifiedModel:
 
 
 def _charts(report: IdentificationReport, drawn: Sequence[int], speeds: bool) -> dict[str, Markup]:
-    """Returns the charts of the page as SVG, by name."""
+    """Returns the charts of an identification's HTML page as SVG, by name."""
     found = report.found
     charts: dict[str, str] = {}
     for index in drawn:

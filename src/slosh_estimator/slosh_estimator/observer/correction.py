@@ -171,7 +171,7 @@ def _corrected(blocks, mean, row):  # type: ignore[no-untyped-def]
 
 @compiled
 def expected_heights(blocks, one, two, moment):  # type: ignore[no-untyped-def]
-    """Interpolates heights along the modal axes, their rates and the angle at a time."""
+    """Interpolates heights along the modal axes, their rates and the axes' angle at a time."""
     whole = two[TIME] - one[TIME]
     share = (moment - one[TIME]) / whole if whole > 0.0 else 0.0
     heights = (

@@ -28,7 +28,7 @@ class Envelope(NamedTuple):
 
 
 class EnvelopeBounds:
-    """Upper bounds of the wave's envelope: a 95 % bound, and a certain one that decides calm.
+    """Upper bounds of the wave's envelope: at 95 %, and a safer one that decides if it is calm.
 
     In motion, and at each measurement, a bound is the filter's height and some of its deviations.
     At rest nothing gives the liquid energy, so that a bound decays from there with the least
@@ -45,7 +45,7 @@ class EnvelopeBounds:
     def update(
         self, envelope: Envelope, *, resting: bool, corrected_ns: int | None, contradicted: bool
     ) -> tuple[float, float]:
-        """Returns the 95 % bound and the certain bound of the envelope [m].
+        """Returns two upper bounds of the envelope [m]: at 95 %, and the safer one for calmness.
 
         Args:
             envelope: of a newer moment.

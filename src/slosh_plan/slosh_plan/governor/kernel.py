@@ -353,7 +353,7 @@ def _trimmed(state, stop, settings):  # type: ignore[no-untyped-def]
 
 @compiled
 def _plan(state, settings, block, follow, plans, best):  # type: ignore[no-untyped-def]
-    """Writes the candidates that are simulated together.
+    """Writes the parameters of the candidate motions that are simulated together.
 
     All of the command with various stops; shares of it with the lowest of them, down to nothing;
     the held stop and others from now on, in a stop shorter ones.

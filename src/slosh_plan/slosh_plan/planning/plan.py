@@ -209,7 +209,7 @@ def fastest_law(check: Checker, path: Path, limits: PlanLimits, watch: Watch) ->
 
 
 def tilting(model: Model, limits: PlanLimits, path: Path) -> Model:
-    """Returns the model for planning; it includes gravity by tilt if the container may tilt.
+    """Returns the model for planning, with gravity along the floor if the container may tilt.
 
     Raises:
         SloshPlanError: the joints determine the attitude, and yet the container may tilt.
