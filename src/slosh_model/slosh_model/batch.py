@@ -178,7 +178,11 @@ def _blocks(simulations: _Simulations, size: int, max_step: float) -> Iterator[B
     Blocks of some size are filled up to whole vectors, which are faster, with the last one.
     """
     effects = {
-        id(one): (frozenset(use.name for use in one.effects), one.modes)
+        id(one): (
+            frozenset(use.name for use in one.effects),
+            one.mode_count,
+            one.container.one_directional,
+        )
         for one in simulations.models
     }
     paces = {id(one): _pace(one, max_step) for one in simulations.intervals}

@@ -49,14 +49,15 @@ def measured_heights(
     started = 0.0 if rest is None else float(response.t[0]) - rest
     places = np.array([np.nan]) if azimuths is None else np.atleast_1d(np.asarray(azimuths))
     heights = np.column_stack([response.sh_x, response.sh_y])
-    reaches, cornered = np.array(model.container.reaches), model.container.cornered
+    container = model.container
+    reaches, cornered, corners = np.array(container.reaches), container.cornered, container.corners
     parameters, fill = _read_with(model)
     read = np.empty((len(places), len(response.t)))
     for azimuth, row in zip(places.tolist(), read, strict=True):
         memory = np.zeros(READING_MEMORY_COUNT)
         kernel.read_many(
-            response.t, started, heights, azimuth, reaches, fill, cornered, parameters, memory,
-            row,
+            response.t, started, heights, azimuth, reaches, fill, cornered, corners, parameters,
+            memory, row,
         )  # fmt: skip
     return read.T
 

@@ -9,6 +9,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Unpack
 
+import numpy as np
+
+from slosh_base.types import Array
 from slosh_model.checks import within
 from slosh_model.constants import GRAVITY
 from slosh_model.containers import X_AXIS, Container, CupLengths
@@ -267,7 +270,7 @@ class Model:
         factor = self._frequency_factor()
         modes = tuple(
             Mode(n, self.container, self._damping(self.container, n), factor)
-            for n in range(1, self.modes + 1)
+            for n in range(1, self.mode_count + 1)
         )
         for effect, parameters in self.uses("modes"):
             before = modes[0].container
@@ -279,6 +282,21 @@ class Model:
                     for mode in modes
                 )
         return modes
+
+    @property
+    def mode_count(self) -> int:
+        """Number of masses: one for each mode, or two where each has its own direction."""
+        return 2 * self.modes if self.container.one_directional else self.modes
+
+    def modal_azimuth(self, yaws: Array) -> Array:
+        """Returns the azimuth (N,) of the axes of modal states from the container's +x [rad].
+
+        Args:
+            yaws: (N,) of the container [rad].
+        """
+        if not self.container.follows_yaw:
+            return -yaws
+        return np.full(len(yaws), self.container.axes(len(self.mode_constants())))
 
     def _damping(self, container: Container, number: int) -> float:
         """Returns the damping ratio ζ of a mode before modelled effects change it."""
@@ -314,6 +332,16 @@ class Model:
             gains.append(gain)
         return tuple(gains)
 
+    def _share_along(self, mode: Mode, axis: int, masses: int) -> float:
+        """Returns the squared cosine of the angle between a mode's motion and an axis.
+
+        1 where modes move along both axes.
+        """
+        if not mode.container.one_directional:
+            return 1.0
+        direction = mode.container.direction(mode.number) - self.container.axes(masses)
+        return math.cos(direction - 0.5 * math.pi * axis) ** 2
+
     def static_height(self, modes: tuple[Mode, ...] | None = None, axis: int = X_AXIS) -> float:
         """Returns the quasi-static wall height per acceleration [s²].
 
@@ -334,6 +362,7 @@ class Model:
         gains = self.height_gains(modes, axis)
         along = [mode.along(axis) for mode in modes]
         moved = sum(
-            gain / mode.gravity_frequency**2 for gain, mode in zip(gains, along, strict=True)
+            gain / mode.gravity_frequency**2 * self._share_along(mode, axis, len(modes))
+            for gain, mode in zip(gains, along, strict=True)
         )
         return share * (along[0].reach / GRAVITY - moved)

@@ -25,6 +25,7 @@ from slosh_model.for_notebooks import span
 from slosh_model.interpolation import columns_at
 from slosh_model.layout import MODAL, RUN, back_to_rest, divided, new_store
 from slosh_model.model import VERTICAL, Model
+from slosh_model.modes import Mode
 from slosh_model.pose import pose_rows
 from slosh_model.response import Response
 
@@ -320,6 +321,9 @@ def store_of(model: Model, max_step: float = MAXIMUM_STEP) -> Array:
     run["static_height"], run["static_height_y"] = (
         model.static_height(constants, axis) for axis in (X_AXIS, Y_AXIS)
     )
+    run["axes"] = axes = model.container.axes(len(constants))
+    corners = model.container.corners
+    run["corner_count"], run["corners"][0, : len(corners)] = len(corners), corners
     run["lift"] = float(model.has(VERTICAL))
     run["parameters"] = effect_parameters(model)
     gains = (model.height_gains(constants, axis) for axis in (X_AXIS, Y_AXIS))
@@ -328,10 +332,18 @@ def store_of(model: Model, max_step: float = MAXIMUM_STEP) -> Array:
         modes[n] = (
             mode.natural_frequency, mode.damping_ratio, mode.curvature, mode.reach, gain, mode.xi,
             mode.container.fill_height, across.natural_frequency / mode.natural_frequency,
-            across.reach, gain_y,
+            across.reach, gain_y, *_direction_in(mode, axes),
             0.0, 0.0, 0.0, 0.0,
         )  # fmt: skip
     return store
+
+
+def _direction_in(mode: Mode, axes: float) -> tuple[float, float]:
+    """Returns the direction of a mode's motion, in axes turned by `axes` [rad]; or (0, 0)."""
+    if not mode.container.one_directional:
+        return 0.0, 0.0
+    direction = mode.container.direction(mode.number) - axes
+    return math.cos(direction), math.sin(direction)
 
 
 def effect_parameters(model: Model) -> Array:

@@ -109,7 +109,7 @@ class Tray:
     @property
     def turning(self) -> TrayContainer:
         """First container whose liquid rotates with it, as in a box; else the first container."""
-        boxes = (one for one in self.present if one.model.container.cornered)
+        boxes = (one for one in self.present if one.model.container.follows_yaw)
         return next(boxes, self.first)
 
     @property

@@ -151,7 +151,7 @@ def _moves(
     step = min(period, max(longest, period * TUNING.gantry_short) * TUNING.gantry_fine)
     step /= TUNING.gantry_rows
     directions = [(1.0, 1.0)]
-    if model.container.cornered:
+    if model.container.follows_yaw:
         directions += [(1.0, 0.0), (0.0, 1.0)]
     shares = np.linspace(0.0, 1.0, TUNING.gantry_moves)
     for hold in (longest * np.maximum(shares, 0.5 * shares[1])).tolist():

@@ -192,10 +192,11 @@ class WatchState:
         self._settings = MonitorSettings.from_told(parameters)
 
     def take_container(self, container: Container) -> None:
-        """Stores the container's side views and the height of its rim, for drawing."""
+        """Stores the container's views and the height of its rim, for drawing."""
         self._wall = container.wall
         along, across = (np.round(container.side_view(axis), 5).tolist() for axis in (0, 1))
-        self._container = {"outline": along, "rim": container.freeboard}
+        plan = np.round(container.corners * container.reaches, 5).tolist()
+        self._container = {"outline": along, "rim": container.freeboard, "plan": plan}
         if across != along:
             self._container["across"] = across
 

@@ -301,6 +301,8 @@ class _Problem:
 
     def _off_click(self, view: CupView) -> FloatArray:
         """Distance of the contact line from the user's click in standard deviations."""
+        if not np.isfinite(self._clicked.pixels).any():
+            return np.empty(0)
         away = distances(view, self._clicked) / TUNING.click_error
         return np.clip(away[np.isfinite(self._clicked.pixels[:, 1])], -_FAR, _FAR)
 

@@ -175,7 +175,7 @@ def read_directions(motion: PreparedMotion, model: Model, moments: Array, liquid
     if motion.azimuths is None:
         flat = np.linalg.norm(found, axis=2) < TUNING.flat
         found[flat] = (1.0, 0.0)
-    if model.container.cornered or not len(inputs.poses):
+    if model.container.follows_yaw or not len(inputs.poses):
         return found
     yaw = np.interp(moments, inputs.t, inputs.yaws)[:, np.newaxis]
     x, y = found[..., 0], found[..., 1]

@@ -29,7 +29,7 @@ STIFFNESS = f"{SPRING}.alpha"
 def liquid_model(model: Model) -> Model:
     """Returns the model with a second mode and, where the container has it, a stiffness term."""
     model = replace(model, modes=min(max(model.modes, 2), model.container.most_modes))
-    if model.container.cornered or model.has(SPRING):
+    if model.container.follows_yaw or model.has(SPRING):
         return model
     try:
         return model.with_effect(SPRING)
@@ -64,8 +64,9 @@ def response_force(model: Model, inputs: Inputs, response: Response) -> Array:
         shares = [container.mass_ratio(n + 1, axis) / first for axis in (X_AXIS, Y_AXIS)]
         speed += response.modal[:, n, 2:4] * shares
     force = np.asarray(np.gradient(speed, step, axis=0), dtype=np.float64)
-    if not container.cornered:
-        force = turned(force, -inputs.yaws)
+    azimuth = model.modal_azimuth(inputs.yaws)
+    if azimuth.any():
+        force = turned(force, azimuth)
     return np.column_stack([force, np.zeros(len(force))])
 
 

@@ -229,7 +229,7 @@ class Interval:
             pushed = flow.acceleration(q, felt)
             rates += [q[2], q[3], *pushed]
             if self.loose is not None and n == 0:
-                kept += self.loose.demands(q, pushed, felt, limits[STANDING])
+                kept += self.loose.demands(flow, q, pushed, felt, limits[STANDING])
         return ca.vertcat(*rates), kept
 
     def _felt(self, full: Expression, acceleration: Expression, curve: Expression) -> Expression:

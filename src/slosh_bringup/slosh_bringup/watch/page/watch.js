@@ -111,7 +111,7 @@ function show(frame) {
   part("end-part").hidden = !(container && container.across);
   if (container && container.across) drawSide(part("end"), container.across, Math.sin, frame.surface, state.limits.measured);
   showCalm(frame.calm || {});
-  drawAbove(part("above"), frame.surface, state.limits.measured);
+  drawAbove(part("above"), frame.surface, state.limits.measured, container && container.plan);
   heights.draw();
 }
 
