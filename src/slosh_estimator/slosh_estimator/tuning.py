@@ -181,6 +181,8 @@ class EstimatorTuning:
     surely_calm: float = number(
         3.1, "σ", "deviation with which a wave must be below the tolerance"
     )
+    calm_frequency: float = number(0.02, "1", "error of the model's frequency that calm allows")
+    calm_damping: float = number(2.0, "1", "factor by which the model's damping may be wrong")
     calm_again: float = number(1.2, "1", "bound over the tolerance at which calm ends")
     calm_ns: int = number(SECOND // 20, "ns", "time between two messages about calm")
     calm_silence: float = number(0.1, "s", "time without an input after which it is stale")

@@ -110,7 +110,7 @@ class CalmWatch:
         return (
             self._wait(state.envelope, state.decay),
             self._wait(lowest, state.decay * spread),
-            self._wait(state.bound, state.decay / spread),
+            self._wait(state.bound, state.slowest),
         )
 
     def _wait(self, height: float, decay: float) -> float:

@@ -35,6 +35,11 @@ _SETTLING = int(EstimateFlag.SETTLING)
 _LONG_AGO = -(2**62)
 _NO_POINTS = np.empty((0, 3))
 _UPRIGHT = np.empty((0, POSE_COUNT))
+_MODEL_ERRORS = np.array(
+    [-TUNING.calm_frequency, TUNING.calm_frequency,
+     -math.log(TUNING.calm_damping), math.log(TUNING.calm_damping)]
+)  # fmt: skip
+"""Errors of a model that calm allows for, in the order of `layout`."""
 
 
 class Observer:
@@ -141,7 +146,7 @@ class Observer:
         self._use_waiting()
         self._read(
             self._store, self._blocks, self._ring, self._count, self._covariance,
-            self._averages, self._out,
+            self._averages, _MODEL_ERRORS - np.repeat(self._theta[:2], 2), self._out,
         )  # fmt: skip
         return self._state()
 
@@ -322,7 +327,11 @@ class Observer:
         out = self._out.tolist()
         variance = self._covariance.diagonal()[-layout.PARAMETERS :].tolist()
         theta = self._theta.tolist()
-        bounds = self._bounded(out, variance[layout.DAMPING])
+        # The damping is known by the filter, or by what calm allows for.
+        spread = TUNING.bound * math.sqrt(variance[layout.DAMPING])
+        allowed = math.log(TUNING.calm_damping) + theta[layout.DAMPING]
+        slowest = out[layout.DECAY] * math.exp(-max(min(spread, allowed), 0.0))
+        bounds = self._bounded(out, slowest)
         return FusedState(
             self._newest_ns, self._corrected_ns, out[layout.MSH], out[layout.AZIMUTH],
             out[layout.SH_X], out[layout.SH_Y], out[layout.STDDEV_X], out[layout.STDDEV_Y],
@@ -330,16 +339,17 @@ class Observer:
             math.exp(theta[layout.DAMPING]), math.sqrt(variance[layout.FREQUENCY]),
             math.sqrt(variance[layout.DAMPING]), out[layout.ENVELOPE],
             out[layout.ENVELOPE_STDDEV], out[layout.DECAY], self._moved_ns,
-            theta[layout.LEVEL], theta[layout.CLOCK], *bounds,
+            theta[layout.LEVEL], theta[layout.CLOCK], *bounds, slowest,
         )  # fmt: skip
 
-    def _bounded(self, out: list[float], damping_variance: float) -> tuple[float, float]:
+    def _bounded(self, out: list[float], slowest: float) -> tuple[float, float]:
         """Returns the bounds of the wave's envelope; see `EnvelopeBounds`."""
         since = math.inf if self._moved_ns is None else self._newest_ns - self._moved_ns
         return self._bounds.update(
             Envelope(
                 self._newest_ns, out[layout.ENVELOPE], out[layout.ENVELOPE_STDDEV],
-                out[layout.ENVELOPE_NOISE], out[layout.DECAY], math.sqrt(damping_variance),
+                out[layout.ENVELOPE_NOISE], out[layout.WORST_ENVELOPE], out[layout.WORST_STDDEV],
+                slowest,
             ),
             resting=since >= TUNING.calm_after_ns, corrected_ns=self._corrected_ns,
             contradicted=self._rejected > 0,
