@@ -190,6 +190,9 @@ class EstimatorTuning:
         SECOND, "ns", "time after the start in which measurements may come"
     )
     calm_after_ns: int = number(SECOND // 5, "ns", "time after a motion that still belongs to it")
+    # observer/shown_wave.py
+    shown_ns: int = number(SECOND, "ns", "time over which heights at one place show a wave")
+    shown_least: int = number(20, "1", "fewest such heights")
     # sensed/force_surface.py
     force_block_ns: int = number(SECOND // 25, "ns", "time over which a force is averaged")
     force_zero_ns: int = number(3 * SECOND, "ns", "time over which a force's zero is averaged")

@@ -20,6 +20,7 @@ from slosh_estimator.observer import (
     self_test as self_test,
 )  # its checks belong to the compiled functions
 from slosh_estimator.observer.envelope_bounds import Envelope, EnvelopeBounds
+from slosh_estimator.observer.shown_wave import ShownWave
 from slosh_estimator.observer.states import FusedState, ObserverState, Outcome, WallHeights
 from slosh_estimator.sample import Sample
 from slosh_estimator.tuning import TUNING
@@ -75,7 +76,7 @@ class Observer:
         self._blocks = np.zeros((2 * modes, layout.BLOCK))
         self._theta = np.zeros(layout.PARAMETERS)
         self._averages = np.zeros(layout.AVERAGES)
-        self._bounds = EnvelopeBounds()
+        self._bounds, self._shown = EnvelopeBounds(), ShownWave()
         self._motions = MotionFinder()
         self._moved_ns: int | None = None
         self._noise = _noise()
@@ -212,6 +213,7 @@ class Observer:
         self._moved_ns = spans[-1].end_ns
         if sample.stamp_ns - self._moved_ns < TUNING.calm_after_ns:
             self._averages[layout.COUNT] = 0.0
+            self._shown.clear()
 
     def _use_waiting(self) -> None:
         while self._cameras or self._sensors:
@@ -245,6 +247,8 @@ class Observer:
     def _use(self, heights: WallHeights) -> Outcome:
         if not len(heights.points):
             return Outcome.EMPTY
+        if len(heights.points) < TUNING.shape_points:
+            self._shown.add(heights.stamp_ns, float(heights.points[0, 1]))
         moment = (heights.stamp_ns - (self._epoch_ns or 0)) / 1e9
         if moment < self._anchored_at:
             return Outcome.LATE
@@ -304,6 +308,7 @@ class Observer:
         self._count = self._first = self._rejected = 0
         self._anchored_at, self._corrected_ns = now, None
         self._bounds = EnvelopeBounds()
+        self._shown.clear()
         self._forget()
         if at_rest:
             self._spread(TUNING.rest_wave)
@@ -343,9 +348,9 @@ class Observer:
         )  # fmt: skip
 
     def _bounded(self, out: list[float], slowest: float) -> tuple[float, float]:
-        """Returns the bounds of the wave's envelope; see `EnvelopeBounds`."""
+        """Returns the bounds of the wave's envelope; not below what measurements show."""
         since = math.inf if self._moved_ns is None else self._newest_ns - self._moved_ns
-        return self._bounds.update(
+        bound, sure = self._bounds.update(
             Envelope(
                 self._newest_ns, out[layout.ENVELOPE], out[layout.ENVELOPE_STDDEV],
                 out[layout.ENVELOPE_NOISE], out[layout.WORST_ENVELOPE], out[layout.WORST_STDDEV],
@@ -354,6 +359,8 @@ class Observer:
             resting=since >= TUNING.calm_after_ns, corrected_ns=self._corrected_ns,
             contradicted=self._rejected > 0,
         )  # fmt: skip
+        shown = self._shown.amplitude(self._newest_ns, float(self._theta[layout.LEVEL]))
+        return max(bound, shown), max(sure, shown)
 
 
 def _noise() -> Array:
