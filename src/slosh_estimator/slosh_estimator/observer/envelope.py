@@ -98,7 +98,7 @@ def _worst(wave, moves, errors):  # type: ignore[no-untyped-def]
 def envelope(store, blocks, covariance, averages, errors, out):  # type: ignore[no-untyped-def]
     """Writes the largest height, its standard deviations and the rate of its decay.
 
-    The standard deviations are bounded from above.
+    The standard deviations are bounded from above; that of the worst height is of one direction.
     """
     modes, size = records(store)[1], covariance.shape[0]
     states = 2 * blocks.shape[0]
@@ -120,7 +120,7 @@ def envelope(store, blocks, covariance, averages, errors, out):  # type: ignore[
                     at = 2 * i + j
                     rows[2 * i + axis, 2 * (2 * n + axis) + j] = scale * block[PHI + at]
                     rows[2 * i + axis, states + j] = scale * block[SENSITIVITY + at]
-        moves = _moved(rows, covariance, states)
+        moves, alone = _moved(rows, covariance, states), 0.0
         for axis in range(2):
             block, widest, widest_left = blocks[2 * n + axis], 0.0, 0.0
             for i, scale in ((0, block[GAIN]), (1, block[GAIN] / block[OMEGA])):
@@ -129,7 +129,8 @@ def envelope(store, blocks, covariance, averages, errors, out):  # type: ignore[
                 found = _left(row, moves[2 * i + axis], covariance, states) + noisy
                 widest_left = max(widest_left, found)
             variance += widest
-            left += widest_left
+            alone = max(alone, widest_left)
+        left += alone
         height += _half_axis(wave)
         worst += _worst(wave, moves, errors)
     out[ENVELOPE], out[ENVELOPE_STDDEV], out[DECAY] = height, math.sqrt(max(variance, 0.0)), decay

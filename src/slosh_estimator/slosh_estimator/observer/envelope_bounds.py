@@ -29,10 +29,13 @@ class Envelope(NamedTuple):
     slowest: float
 
     def bound(self, deviations: float) -> float:
-        """Returns the lower of two upper bounds of the height [m], by a number of deviations."""
-        return min(
-            self.height + deviations * self.stddev, self.worst + deviations * self.worst_stddev
-        )
+        """Returns the lower of two upper bounds of the height [m], by a number of deviations.
+
+        The worst height has an error along the wave and one across it, which matters where there
+        is hardly a wave.
+        """
+        error = deviations * self.worst_stddev
+        return min(self.height + deviations * self.stddev, math.hypot(self.worst + error, error))
 
 
 class EnvelopeBounds:
