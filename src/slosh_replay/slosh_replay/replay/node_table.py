@@ -57,7 +57,9 @@ def node_table(modes: int = 1, containers: int = 0) -> tuple[ReplayedNode, ...]:
                 *(NodeTopic(door, SURFACE, SURFACES) for door in DOORS),
             ),
             outputs=(
-                NodeTopic(FUSED_ESTIMATE, FUSED_TYPE, (*TOLD_FIELDS, *modal)),
+                NodeTopic(
+                    FUSED_ESTIMATE, FUSED_TYPE, (*TOLD_FIELDS, *modal), later={"sensed_taken": 0}
+                ),
                 NodeTopic(CALM, CALM_TYPE, CALM_FIELDS, known=_heard),
             ),
             needs_recorded=True,
