@@ -64,7 +64,9 @@ class StampedReader:
                 self._at = _HEAD + (_FRAME - _HEAD + length + 7) // 8 * 8
             values = self._numbers.unpack_from(data, self._at)
         except (struct.error, UnicodeDecodeError) as error:
-            raise SloshMessageError(f"a message of {len(data)} bytes is damaged: {error}") from None
+            raise SloshMessageError(
+                f"a message of {len(data)} bytes is damaged: {error}"
+            ) from None
         return StampedNumbers(sec * SECOND + nanosec, self._frame, values)
 
     def _prepare(self, head: bytes) -> None:

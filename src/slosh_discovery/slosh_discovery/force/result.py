@@ -43,6 +43,9 @@ class ForceIdentification:
         unit: of the force as recorded.
         unobserved: what this record cannot tell, in a sentence; empty: nothing of this.
         notes: what was left out or assumed, a sentence each.
+        t: (n,) times of the fitted forces [s].
+        measured, modelled: (n, k) force along the sensor's directions, below the cutoff [N].
+        liquid: (n, k) the liquid's part of the modelled one [N].
     """
 
     name: str
@@ -59,6 +62,10 @@ class ForceIdentification:
     unit: str
     unobserved: str
     notes: tuple[str, ...]
+    t: Array
+    measured: Array
+    modelled: Array
+    liquid: Array
 
 
 NEWTON = "N"

@@ -286,9 +286,7 @@ class HeardInput:
         q, twist = message.pose.pose.orientation, message.twist.twist
         v, w = twist.linear, twist.angular
         stamp = to_nanoseconds(message.header.stamp)
-        self._on_velocity(
-            Twist(stamp, (v.x, v.y, v.z), (w.x, w.y, w.z), (q.x, q.y, q.z, q.w), "")
-        )
+        self._on_velocity(Twist(stamp, (v.x, v.y, v.z), (w.x, w.y, w.z), (q.x, q.y, q.z, q.w), ""))
 
     def _on_twist(self, data: bytes) -> None:
         stamp, frame, (vx, vy, vz, wx, wy, wz) = self._numbers.read(data)

@@ -160,7 +160,12 @@ def replay_bag(
         blocks.check()
         stream.advance(final=True)
         result = conclude(path.name, sources.input, stream, _origin(started, recorded, used))
-    said = [*_unfelt(path, sources, used, how), *input_reader.ignored_tilt(used), blocks.trouble(), *sorted(lacking)]
+    said = [
+        *_unfelt(path, sources, used, how),
+        *input_reader.ignored_tilt(used),
+        blocks.trouble(),
+        *sorted(lacking),
+    ]
     if several > 1:
         said.append(
             f"of {several} estimators on {sources.estimate} the replayed one is {estimator}"
