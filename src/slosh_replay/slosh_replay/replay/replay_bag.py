@@ -49,6 +49,7 @@ from slosh_replay.replay.known_state import KnownState
 from slosh_replay.replay.node_table import node_table
 from slosh_replay.replay.nodes import NodeTopic, Outputs, ReplayedNode, Setting
 from slosh_replay.replay.one_estimator import OneEstimator
+from slosh_replay.replay.replayed_force import force_surface_topic
 from slosh_replay.replay.replay_table import replay_table
 from slosh_replay.replay.result import ReplayResult
 from slosh_replay.replay.series import Series
@@ -116,7 +117,8 @@ def replay_bag(
         return _replay_table_bag(path, reader, sources, used, watched, outputs)
     tray = settings.tray_of(started) if started and model is None else None
     count = len(tray.containers) if tray else 0
-    nodes = _running(sources, (*node_table(len(used.mode_constants()), count), *further))
+    table = node_table(len(used.mode_constants()), count, force_surface_topic(sources.starts))
+    nodes = _running(sources, (*table, *further))
     heard = _heard(sources, nodes)
     verifiers = _verifiers(heard, nodes, camera=watched.camera)
     matcher = None
