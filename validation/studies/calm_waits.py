@@ -9,7 +9,8 @@ that one of the stops needs.
 
 The least safe wait is that of an oracle without a camera: it knows the motion exactly, and of the
 liquid the ranges from which it is drawn. It must wait for the worst liquid in these, since an
-acceleration does not show the damping. Its median over the constant wait is the best ratio that is attainable.
+acceleration does not show the damping. Its median over the constant wait is the best ratio that is
+attainable.
 """
 
 from __future__ import annotations

@@ -197,6 +197,10 @@ class EstimatorTuning:
     force_block_ns: int = number(SECOND // 25, "ns", "time over which a force is averaged")
     force_zero_ns: int = number(3 * SECOND, "ns", "time over which a force's zero is averaged")
     force_zero_first_ns: int = number(SECOND, "ns", "the same at first")
+    load_memory: float = number(0.98, "1", "part of the load's sums that is kept at each block")
+    load_least: int = number(10, "1", "fewest blocks in motion that show the load")
+    load_wrong: float = number(2.0, "1", "ratio to the identified mass at which a force is wrong")
+    load_unit: float = number(1.5, "1", "ratio to another unit's that is still that unit")
     force_moves: float = number(0.1, "m/s²", "acceleration of a moving container")
 
 

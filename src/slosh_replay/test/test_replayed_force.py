@@ -55,7 +55,7 @@ class ForceBag(LiveBag):
             for _ in range(7):
                 self._force_ns += 4 * MS
                 t = 1e-9 * (self._force_ns - START)
-                push = [0.3 * math.sin(5.0 * t), 2.0 * math.sin(19.0 * t), 11.0]
+                push = [0.3 * math.sin(5.0 * t), 1.2 * sample.ax + math.sin(19.0 * t), 11.0]
                 self._put_force(push, log_ns)
                 self._tell(self._force.take_force(self._force_ns, *push), log_ns)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from slosh_base.types import Array
 from slosh_discovery.force.tuning import TUNING
+from slosh_estimator.sensed.payload import UNITS
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +70,6 @@ class ForceIdentification:
 
 
 NEWTON = "N"
-UNITS = {NEWTON: 1.0, "kgf": 9.80665, "lbf": 4.4482216, "mN": 1e-3, "kN": 1e3, "gf": 9.80665e-3}
-"""Units of force [N]."""
 
 
 def likely_unit(mass: float, expected: float) -> str:

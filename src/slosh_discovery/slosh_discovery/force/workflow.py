@@ -14,12 +14,12 @@ from slosh_discovery.force.prepared import PreparedForce, prepared
 from slosh_discovery.force.record import ForceRecord
 from slosh_discovery.force.result import (
     NEWTON,
-    UNITS,
     ForceIdentification,
     Measured,
     likely_unit,
 )
 from slosh_discovery.force.tuning import TUNING
+from slosh_estimator.sensed.payload import UNITS
 from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.model import Model
 from slosh_model.parameters import DAMPING, FREQUENCY

@@ -25,7 +25,7 @@ from slosh_estimator.inputs import (
     InputSettings,
 )
 from slosh_estimator.joint_poses import JointPoses
-from slosh_estimator.mounting import Quaternion, SensorTransform
+from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.nodes.estimator_messages import imu_vectors
 from slosh_estimator.placed_accel import PlacedAccel, PlacedAcceleration
 from slosh_estimator.pose_input import PoseInput

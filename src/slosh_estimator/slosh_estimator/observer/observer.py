@@ -133,6 +133,8 @@ class Observer:
         stamp_ns = sample.stamp_ns
         if self._epoch_ns is None or stamp_ns < self._epoch_ns:
             self._epoch_ns = stamp_ns
+        if stamp_ns < self._newest_ns:  # time was set back: older motions lie ahead
+            self._motions, self._moved_ns = MotionFinder(), None
         now = (stamp_ns - self._epoch_ns) / 1e9
         restarts = sample.restarted or bool(flags & _RESTARTS) or stamp_ns <= self._newest_ns
         if restarts or not self._count or not self._step(sample, now):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from itertools import pairwise
 
 from slosh_estimator.tuning import TUNING
 
@@ -38,6 +39,6 @@ class ShownWave:
         if len(heights) < TUNING.shown_least:
             return 0.0
         square = math.fsum((one - level) ** 2 for one in heights) / len(heights)
-        steps = zip(heights, heights[1:], strict=False)
-        noise = 0.5 * math.fsum((b - a) ** 2 for a, b in steps) / (len(heights) - 1)
+        steps = math.fsum((b - a) ** 2 for a, b in pairwise(heights))
+        noise = 0.5 * steps / (len(heights) - 1)
         return math.sqrt(max(2.0 * (square - noise), 0.0))

@@ -49,8 +49,8 @@ from slosh_replay.replay.known_state import KnownState
 from slosh_replay.replay.node_table import node_table
 from slosh_replay.replay.nodes import NodeTopic, Outputs, ReplayedNode, Setting
 from slosh_replay.replay.one_estimator import OneEstimator
-from slosh_replay.replay.replayed_force import force_surface_topic
 from slosh_replay.replay.replay_table import replay_table
+from slosh_replay.replay.replayed_force import force_surface_topic
 from slosh_replay.replay.result import ReplayResult
 from slosh_replay.replay.series import Series
 from slosh_replay.replay.stream import ReplayStream
