@@ -280,7 +280,10 @@ class RecorderNode(GuardedNode):
         self._reported, self._reported_lost = total, lost
         left_out = self._unknown | status.refused
         absent, shared = self._absent(), self._look_for_shared()
-        return findings(status, absent, newly_lost, left_out, silent, shared, self._other_types)
+        shortage = self._core.shortage if isinstance(self._core, EventRecorder) else ""
+        return findings(
+            status, absent, newly_lost, left_out, silent, shared, self._other_types, shortage
+        )
 
     def _look_for_shared(self) -> list[str]:
         """Returns topics that have several publishers but should have only one."""
