@@ -201,8 +201,7 @@ class EventRecorder:
             failure=failure,
             since=now - self._failed_at if failure else 0.0,
             interruptions=self._interruptions + sum(state.interruptions for state in states),
-            lost_meanwhile=self._lost_meanwhile
-            + sum(state.lost_meanwhile for state in states),
+            lost_meanwhile=self._lost_meanwhile + sum(state.lost_meanwhile for state in states),
             missed=sum(self._missed.values()),
         )
 

@@ -58,6 +58,7 @@ class Observer:
     Attributes:
         counts: of measurements, by outcome.
         sensed: how many of them force or level sensors measured beside the camera.
+        reaches: distance from the axis to the wall along x and y [m].
         innovation: normalised innovation of the last measurement over its limit.
     """
 
@@ -66,7 +67,8 @@ class Observer:
         self.counts = dict.fromkeys(Outcome, 0)
         self.innovation = math.nan
         container = model.container
-        self._cornered, self._reaches = container.cornered, np.array(container.reaches)
+        self._cornered, self.reaches = container.cornered, container.reaches
+        self._reaches = np.array(container.reaches)
         self._largest = TUNING.unknown_wave * max(container.reaches)
         self._bound = TUNING.runaway * max(container.reaches)
         self._store = store_of(model.nonlinear(), MAX_STEP)
