@@ -69,6 +69,12 @@ ARGUMENTS = (
     ),
     Argument("remap", "{}", "robot's topic for each cell topic, as YAML: '{imu: /arm/imu}'"),
     Argument("camera", "true", "measure with a camera; false: estimate only"),
+    Argument(
+        "force",
+        "",
+        "identification.json of `slosh identify --force`: measure with a force sensor, beside the "
+        "camera or with camera:=false in its place",
+    ),
     Argument("record", "true", "record to OUTPUT/DATE-TIME/bag"),
     Argument("output", "out/cell", "folder of the recordings, with the link `latest`"),
     Argument("predict", "false", "predict planned motions: the service predict"),
@@ -179,19 +185,26 @@ class LaunchedCell:
         except SloshFileError as error:
             raise SloshBringupError(f"remap:={given['remap']}: {error}") from None
         namespace = read_namespace(source, source.value["namespace"])
-        calibration = Path(given["calibration"] or config_folder() / "camera.yaml").absolute()
+        calibration = self._calibration()
         setup = CellSetup(
             model=Path(given["model"] or default.model).absolute(),
-            calibration=calibration,
+            calibration=None if "camera" in self._absent else calibration,
             parameters=Path(given["parameters"] or default.parameters).absolute(),
             namespace=namespace,
             remap=read_remap(source, namespace, source.value["remap"]),
+            force=Path(given["force"]).absolute() if given["force"] else None,
         )
+        if setup.force is not None and not setup.force.is_file():
+            raise SloshBringupError(f"force:={given['force']}: no such file")
         read_tray(setup.model)
         if "camera" not in self._absent:
             read_any_calibration(calibration)
         check_parameter_file(setup.parameters, namespace)
         return setup
+
+    def _calibration(self) -> Path:
+        """Returns the camera's calibration, also of a camera that only the simulated cell has."""
+        return Path(self._given["calibration"] or config_folder() / "camera.yaml").absolute()
 
     def _own(self, setup: CellSetup, bag: Path) -> list[NodeProcess]:
         """Returns the enabled processes among recorder, estimator, camera and monitor."""
@@ -200,8 +213,6 @@ class LaunchedCell:
             more["estimator"] = {"input": self._given["input"]}
         if self._given["input"] == JOINTS:
             more["estimator"] |= self._robot()
-        if "camera" in self._absent:
-            more["monitor"] = {"camera": "false"}
         return [
             _with(process, more.get(process.name, {}))
             for process in setup.processes(bag)
@@ -245,7 +256,7 @@ class LaunchedCell:
             [setup.parameters],
             {
                 "motion": motion,
-                "calibration": str(setup.calibration),
+                "calibration": str(self._calibration()),
                 "wait_for": ",".join(
                     one.name for one in setup.processes(Path()) if one.name not in self._absent
                 ),

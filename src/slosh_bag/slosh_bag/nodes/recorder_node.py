@@ -33,7 +33,9 @@ from slosh_bag.nodes.store_thread import STORE_PARAMETERS, StoreThread
 from slosh_bag.nodes.topic_input import Received, TopicInput, noted
 from slosh_bag.recorded_topics import TopicChoice, TopicSelection
 from slosh_bag.recorder import PUBLISHERS, SEVERAL, Recorder, RecorderStatus
+from slosh_base.files.errors import YamlError
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.files.yaml_document import parse_yaml
 from slosh_msgs.msg import NodeSettings
 from slosh_msgs_py import topics
 from slosh_msgs_py.conversions import find_type
@@ -113,6 +115,7 @@ class RecorderNode(GuardedNode):
         self._missed: Counter[str] = Counter()  # of inputs that are no longer recorded
         self._traffic = Traffic()
         self._told: set[str] = set()
+        self._stated: set[str] = set()  # topics that the nodes' settings name
         self._taken: list[Received] = []
         self._arrivals = Arrivals()
         self._times = LogTimes(time.time_ns(), time.monotonic_ns())
@@ -173,7 +176,8 @@ class RecorderNode(GuardedNode):
             if len(graph.get(topic, ())) > 1
         }
         kinds = {topic: types[0] for topic, types in graph.items()}
-        chosen = self._choice.choose(kinds, used_topics(self), self.count_publishers, now)
+        used = used_topics(self) | self._stated
+        chosen = self._choice.choose(kinds, used, self.count_publishers, now)
         for topic in self._inputs.keys() & chosen.left_out.keys():
             self._remove(topic, chosen.left_out[topic])
         for topic, kind in chosen.recorded.items():
@@ -264,7 +268,9 @@ class RecorderNode(GuardedNode):
         for received in taken:
             entry = self._inputs.get(received.topic)
             if entry is not None and entry.message_type is NodeSettings:
-                self._told.add(deserialize_message(received.data, NodeSettings).node)
+                message = deserialize_message(received.data, NodeSettings)
+                self._told.add(message.node)
+                self._stated |= stated_topics(message)
         if len(self._told) > before:
             self._report.report()
 
@@ -278,8 +284,9 @@ class RecorderNode(GuardedNode):
         self._reported, self._reported_lost = total, lost
         left_out = self._unknown | status.refused
         absent, shared = self._absent(), self._look_for_shared()
+        shortage = self._core.shortage if isinstance(self._core, EventRecorder) else ""
         level, sentence = findings(
-            status, absent, newly_lost, left_out, silent, shared, self._other_types
+            status, absent, newly_lost, left_out, silent, shared, self._other_types, shortage
         )
         if self._store.complaint:
             level = level if level == ERROR else WARN
@@ -359,6 +366,16 @@ def _why(status: RecorderStatus) -> str:
     if status.unkept:
         reasons.append(status.failure or "the disk was too slow, or the bag was deleted")
     return "; ".join(reasons)
+
+
+def stated_topics(settings: NodeSettings) -> set[str]:
+    """Returns the topics that a node's settings name; the graph may not tell who reads a topic."""
+    try:
+        document = parse_yaml(settings.document, settings.node).value
+    except YamlError:
+        return set()
+    found = document.get("topics") if isinstance(document, dict) else None
+    return {str(name) for name in found.values()} if isinstance(found, dict) else set()
 
 
 def used_topics(node: Node) -> set[str]:
