@@ -122,7 +122,7 @@ class RegionSearch:
         """
         search, chosen, adding, words = self.search, list[int](), True, ""
         fresh = search.nominal.reduced(TUNING.ahead)
-        now, asked = self.judged(motion, legs), fresh
+        now, asked, times = self.judged(motion, legs), fresh, 0
         for _ in range(TUNING.robust_rounds):
             if now.motion.keeps(search.limits):
                 return RegionFound(now, len(chosen))
@@ -132,10 +132,13 @@ class RegionSearch:
             if new:
                 asked = replace(asked, height=fresh.height, residual=fresh.residual)
                 excess |= dict.fromkeys(HEIGHTS, 0.0)
-            asked = lowered(asked, {name: share + TUNING.robust_ahead * (share > 0.0)
+            # What a lower limit did not mend needs larger steps.
+            times = 0 if new else times + 1
+            step = 2.0 ** max(times - 1, 0)
+            asked = lowered(asked, {name: step * share + TUNING.robust_ahead * (share > 0.0)
                                     for name, share in excess.items()})  # fmt: skip
             search.watch.enter(f"search for {1 + len(chosen) + len(new)} models")
-            found = self._solved(now, [*chosen, *new], asked)
+            found = self._solved(now, chosen, new, asked)
             if found is not None:
                 now, chosen = found, [*chosen, *new]
             elif new and not search.over():
@@ -172,12 +175,16 @@ class RegionSearch:
                 return every
         return None
 
-    def _solved(self, start: Judged, chosen: list[int], asked: PlanLimits) -> Judged | None:
+    def _solved(
+        self, start: Judged, chosen: list[int], new: list[int], asked: PlanLimits
+    ) -> Judged | None:
         """Optimises from a motion; None if no start leads to a solution."""
-        order = sorted(chosen, key=lambda place: -float(start.used[place].max()))
+        order = sorted([*chosen, *new], key=lambda place: -float(start.used[place].max()))
         places = order[: TUNING.robust_liquids]
         others = [self.likely.models[place] for place in places]
-        for problem, guess in self._starts(start, places, others, asked):
+        # With other models than before a slower start converges faster.
+        factors = TUNING.robust_starts[:: -1 if new else 1]
+        for problem, guess in self._starts(start, places, others, asked, factors):
             if self.search.over():
                 return None
             found = self._solution(problem, guess, asked)
@@ -186,11 +193,16 @@ class RegionSearch:
         return None
 
     def _starts(
-        self, start: Judged, places: list[int], others: list[Model], asked: PlanLimits
+        self,
+        start: Judged,
+        places: list[int],
+        others: list[Model],
+        asked: PlanLimits,
+        factors: Sequence[float],
     ) -> Iterator[tuple[PathSearch, Legs]]:
         """Yields an optimisation with initial guesses, each for when the last one failed."""
         problem = self._problem(start.legs, others)
-        for factor in TUNING.robust_starts:
+        for factor in factors:
             legs = tuple(leg.slowed(factor) for leg in start.legs)
             motion = self.search.checked(legs)
             if motion is not None:
