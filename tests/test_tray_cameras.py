@@ -59,6 +59,9 @@ class Cameras:
         self.events = robot.listen(LimitEvent, topics.LIMIT_EVENT, qos.EVENT)
         for publisher in (self.imu, *self.surfaces.values()):
             robot.until(lambda p=publisher: p.get_subscription_count() >= 2, publisher.topic)
+        for name in self.surfaces:
+            topic = topics.of_container(topics.COMPARISON, name)
+            robot.until(lambda topic=topic: robot.node.count_subscribers(topic) >= 2, topic)
 
     def turn(self) -> None:
         """Turns the tray to and fro for a second and a half."""

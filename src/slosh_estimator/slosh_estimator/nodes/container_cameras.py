@@ -24,11 +24,10 @@ from slosh_msgs_py.stamps import to_nanoseconds
 
 
 class _Camera(NamedTuple):
-    """A camera's container on the tray, its diagnostics and its publisher of comparisons."""
+    """The monitor of a camera's container, and its diagnostics."""
 
     monitor: ContainerMonitor
     health: MonitorHealth
-    comparisons: Any
 
 
 class ContainerCameras:
@@ -57,12 +56,19 @@ class ContainerCameras:
         self._arrival, self._announce = arrival, announce
         self._names = tuple(filter(None, (part.strip() for part in names.split(","))))
         self._cameras: dict[str, _Camera] = {}
+        self._publishers: dict[str, Any] = {}
         self._counts: Counter[str] = Counter()
         self._complaint = ""
         for name in self._names:
-            topic = topics.of_container(topics.FREE_SURFACE, name)
+            surfaces, comparisons = (
+                topics.of_container(topic, name)
+                for topic in (topics.FREE_SURFACE, topics.COMPARISON)
+            )
+            self._publishers[name] = node.create_publisher(
+                SloshComparison, comparisons, qos.STREAM_OUT
+            )
             node.create_subscription(
-                FreeSurface, topic,
+                FreeSurface, surfaces,
                 lambda message, name=name: self._on_surface(name, message), qos.STREAM_IN,
             )  # fmt: skip
 
@@ -85,14 +91,9 @@ class ContainerCameras:
             self._cameras[name] = known._replace(monitor=monitor)
             known.health.watch(monitor.core)
             return
-        surfaces, comparisons = (
-            topics.of_container(topic, name) for topic in (topics.FREE_SURFACE, topics.COMPARISON)
-        )
-        self._cameras[name] = _Camera(
-            monitor,
-            MonitorHealth(self._node, monitor.core, surfaces, topics.TRAY_ESTIMATE),
-            self._node.create_publisher(SloshComparison, comparisons, qos.STREAM_OUT),
-        )
+        surfaces = topics.of_container(topics.FREE_SURFACE, name)
+        health = MonitorHealth(self._node, monitor.core, surfaces, topics.TRAY_ESTIMATE)
+        self._cameras[name] = _Camera(monitor, health)
 
     def change_settings(self, settings: MonitorSettings, stamp_ns: int) -> None:
         """Changes the limits for heights after a stamp [ns]."""
@@ -128,7 +129,7 @@ class ContainerCameras:
         name = camera.monitor.name
         for comparison in comparisons:
             fields = comparison._asdict()
-            camera.comparisons.publish(filled(SloshComparison, frame_id=name, **fields))
+            self._publishers[name].publish(filled(SloshComparison, frame_id=name, **fields))
         for event in camera.monitor.take_events():
             self._announce(event, name)
 
