@@ -31,8 +31,8 @@ from slosh_plan.nodes import plan_messages
 from slosh_plan.nodes.held_container import ContainerWatch
 from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.predict_messages import given
-from slosh_plan.planning.plan import TIME_LIMIT, check_plan_from, check_state
-from slosh_plan.planning.plan_tray import plan_for
+from slosh_plan.planning.plan import TIME_LIMIT
+from slosh_plan.planning.plan_tray import check_plan_from, check_states, plan_for
 from slosh_plan.planning.progress import PlanProgress, Watch
 from slosh_plan.robot_file import read_robot
 
@@ -189,7 +189,7 @@ class PlannerNode(PreparedNode):
         limits = plan_messages.limits_of(request)
         asked = plan_messages.path_of(request, self._robot)
         if request.from_estimate:
-            check_state(tray.first.placed, limits, self._estimate.state_for(tray))
+            check_states(tray, limits, self._estimate.state_for(tray))
         watch.enter("path")
         longest = min(given(request.time_limit, self._values["time_limit"]), longest)
         answer, container = plan_for(
@@ -205,8 +205,8 @@ class PlannerNode(PreparedNode):
                 f"action {topics.PLAN_MOTION}, or cut the path"
             )
         if request.from_estimate:
-            state = self._estimate.state_for(tray)
-            check_plan_from(tray.first.placed, answer, asked.attitude, state)
+            states = self._estimate.state_for(tray)
+            check_plan_from(tray, answer, limits, asked.attitude, states)
         duration = f"{motion.duration:.3f} s"
         words = "optimal time law" if not answer.reason else f"{answer.method}: {answer.reason}"
         message = plan_messages.plan_message(answer, request, asked)

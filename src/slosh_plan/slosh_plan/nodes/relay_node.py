@@ -27,13 +27,13 @@ from slosh_msgs_py.node.prepared import PreparedNode
 from slosh_msgs_py.node.readiness import Progress
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
-from slosh_plan import LiquidState
 from slosh_plan.nodes.held_container import ContainerWatch
 from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.relayed_goal import Relayed, RelayRules, WrongJointsError, relayed
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.progress import Watch
 from slosh_plan.robot_file import read_robot
+from slosh_plan.start import LiquidStates
 
 SOURCES = ("slosh_plan", "slosh_model")
 TYPE = next(row.type for row in topics.ACTIONS if row.name == topics.FOLLOW_TRAJECTORY)
@@ -215,7 +215,7 @@ class RelayNode(PreparedNode):
                 state=self._state(), watch=watch,
             )  # fmt: skip
 
-    def _state(self) -> LiquidState | None:
+    def _state(self) -> LiquidStates | None:
         """Returns the liquid's state, or None if it is unknown, which counts as at rest."""
         try:
             return self._estimate.state_for(self._container.tray)
