@@ -142,7 +142,12 @@ def _waypoints(
         ]
     if len(columns) == 1 and len(t) == 2:
         columns.append(np.zeros_like(columns[0]))  # from rest to rest
-    return JointWaypoints(names, t, *columns)
+    given = JointWaypoints(names, t, *columns)
+    try:
+        robot.check_group(given, NAME)
+    except SloshPlanError as error:
+        raise WrongJointsError(str(error)) from None
+    return given
 
 
 def _motion(given: JointWaypoints, robot: CarryingRobot) -> Trajectory:
