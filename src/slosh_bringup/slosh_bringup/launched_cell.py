@@ -21,6 +21,7 @@ from slosh_bringup.live.cell_setup import (
     NAMESPACE,
     CellSetup,
     default_setup,
+    read_cameras,
     read_namespace,
     read_remap,
 )
@@ -34,6 +35,7 @@ from slosh_bringup.processes import (
     STOP_TIMEOUT,
     NodeProcess,
     config_folder,
+    kind_of,
     pause,
     restarted,
 )
@@ -62,6 +64,12 @@ ARGUMENTS = (
     Argument("parameters", "", "ROS parameter file; empty: config/cell.yaml of this package"),
     Argument("model", "", "model file of container and liquid; empty: the simulated cell's"),
     Argument("calibration", "", "calibration of the camera; empty: the simulated camera's"),
+    Argument(
+        "cameras",
+        "{}",
+        "calibration of each camera of a tray's container, as YAML: "
+        "'{left: /path/left.yaml, right: /path/right.yaml}'; in place of calibration",
+    ),
     Argument(
         "input",
         "",
@@ -179,27 +187,37 @@ class LaunchedCell:
         """Creates the cell's set-up from the launch arguments and checks its files."""
         default, given = default_setup(), self._given
         # As a cell file, so that both take the same and refuse the same.
-        text = f"namespace: {json.dumps(given['namespace'])}\nremap:\n  {given['remap']}\n"
+        text = (
+            f"namespace: {json.dumps(given['namespace'])}\nremap:\n  {given['remap']}\n"
+            f"calibration:\n  {given['cameras']}\n"
+        )
         try:
             source = parse_yaml(text, "launch arguments")
         except SloshFileError as error:
-            raise SloshBringupError(f"remap:={given['remap']}: {error}") from None
+            wrong = "remap" if given["cameras"] == "{}" else "cameras"
+            raise SloshBringupError(f"{wrong}:={given[wrong]}: {error}") from None
         namespace = read_namespace(source, source.value["namespace"])
-        calibration = self._calibration()
+        model = Path(given["model"] or default.model).absolute()
+        calibration: Path | None = self._calibration()
+        cameras = read_cameras(source, model)
+        if cameras:
+            calibration = cameras.pop("", None)
         setup = CellSetup(
-            model=Path(given["model"] or default.model).absolute(),
+            model=model,
             calibration=None if "camera" in self._absent else calibration,
             parameters=Path(given["parameters"] or default.parameters).absolute(),
             namespace=namespace,
-            remap=read_remap(source, namespace, source.value["remap"]),
+            remap=read_remap(source, namespace, source.value["remap"], tuple(cameras)),
             force=Path(given["force"]).absolute() if given["force"] else None,
+            cameras=cameras,
         )
         if setup.force is not None and not setup.force.is_file():
             raise SloshBringupError(f"force:={given['force']}: no such file")
         read_tray(setup.model)
-        if "camera" not in self._absent:
-            read_any_calibration(calibration)
-        check_parameter_file(setup.parameters, namespace)
+        first = [calibration] if calibration and "camera" not in self._absent else []
+        for path in (*first, *cameras.values()):
+            read_any_calibration(path)
+        check_parameter_file(setup.parameters, namespace, setup.camera_nodes.values())
         return setup
 
     def _calibration(self) -> Path:
@@ -268,7 +286,7 @@ class LaunchedCell:
 
 def package_of(process: NodeProcess) -> str:
     """Returns the name of the ROS package that contains a node's program."""
-    return NODES[process.name].partition(".")[0]
+    return NODES[kind_of(process.name)].partition(".")[0]
 
 
 def time_to_stop(process: NodeProcess) -> float:
@@ -282,7 +300,10 @@ def typed_parameters(process: NodeProcess) -> dict[str, Any]:
     Raises:
         SloshBringupError: a value is refused; one line.
     """
-    specs = {spec.name: spec for spec in importlib.import_module(NODES[process.name]).PARAMETERS}
+    specs = {
+        spec.name: spec
+        for spec in importlib.import_module(NODES[kind_of(process.name)]).PARAMETERS
+    }
     values: dict[str, Any] = {}
     for name, text in process.parameters.items():
         spec = specs.get(name)

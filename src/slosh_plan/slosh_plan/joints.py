@@ -27,13 +27,24 @@ class Arm(Robot):
         tool_frame: link whose origin is the container's, in the centre of the still free surface,
             with z along the container's axis.
         name: of the description, for messages.
+        group: joints that move; others that carry the container are held where they are not given.
+            Empty: all joints that carry the container move.
+
+    Attributes:
+        held: names of the joints that carry the container and are not in the group.
 
     Raises:
         SloshPlanError: Pinocchio is missing, no such description, no such link.
     """
 
-    def __init__(self, urdf: str, tool_frame: str, name: str = "URDF") -> None:
+    def __init__(
+        self, urdf: str, tool_frame: str, name: str = "URDF", group: Sequence[str] = ()
+    ) -> None:
         super().__init__(urdf, tool_frame, name=name, error=SloshPlanError)
+        self.held = tuple(one for one in self.carrying if one not in group) if group else ()
+        limits = self.limits(self.held)
+        bounds = zip(self.held, limits["lower"], limits["upper"], strict=True)
+        self._rests = tuple(joint for joint, lower, upper in bounds if lower <= 0.0 <= upper)
 
     def motion(
         self,
@@ -191,6 +202,8 @@ class Arm(Robot):
             if model.existJointName(name)
         ]
         rest = self._pin.neutral(model)
+        for mover in self._movers:
+            mover.put(rest, 0.0)
         for row in position:
             q = rest.copy()
             for column, place in places:
@@ -234,9 +247,10 @@ class Arm(Robot):
             if joints.count(joint) > 1:
                 raise SloshPlanError(f"{name}: joint {joint!r} appears twice")
         for joint in self.carrying:
-            if joint not in joints:
+            if joint not in joints and joint not in self._rests:
+                held = "; it is not in the group and cannot be held at 0" * (joint in self.held)
                 raise SloshPlanError(
-                    f"{name}: joint {joint!r} carries the container and is missing"
+                    f"{name}: joint {joint!r} carries the container and is missing{held}"
                 )
 
     def _moved(

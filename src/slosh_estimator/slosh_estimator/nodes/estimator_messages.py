@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
+from itertools import chain
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.estimate_kernel import MODAL
@@ -53,6 +54,16 @@ def fill_tray(message: messages.TrayEstimate, stamp_ns: int, tray: TrayEstimate)
     stamp.sec, stamp.nanosec = divmod(stamp_ns, SECOND)
     message.msh, message.azimuth = array("d", tray.msh), array("d", tray.azimuth)
     message.flags, message.worst = array("H", tray.flags), tray.worst
+    linear = [one.linear for one in tray.each]
+    nonlinear = [one.nonlinear for one in tray.each]
+    message.linear_msh = array("d", [one.msh for one in linear])
+    message.linear_reading = array("d", [one.reading for one in linear])
+    message.reading = array("d", [one.reading for one in nonlinear])
+    message.delay = array("d", tray.delays)
+    message.modes = array("B", [len(one.modal) // MODAL for one in linear])
+    message.linear_modal = array("d", chain.from_iterable(one.modal for one in linear))
+    message.modal = array("d", chain.from_iterable(one.modal for one in nonlinear))
+    message.acceleration[:] = tray.each[0].sample[1:4]
 
 
 def fill_reading(message: ExpectedReading, estimate: Estimate, delay: float) -> None:

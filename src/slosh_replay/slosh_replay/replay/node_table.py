@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from slosh_estimator.observer.calm import CALM_FIELDS, CalmReason
@@ -32,13 +34,17 @@ from slosh_replay.replay.verification import (
     Messages,
     estimate_fields,
     tray_fields,
+    with_an_image,
 )
 
 _UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED | EstimateFlag.INPUT_CONTRADICTED)
 
 
 def node_table(
-    modes: int = 1, containers: int = 0, force_surface: str = ""
+    modes: int = 1,
+    containers: int = 0,
+    force_surface: str = "",
+    cameras: Sequence[ReplayedNode] = (),
 ) -> tuple[ReplayedNode, ...]:
     """Returns the nodes; each one comes after those whose topics it reads.
 
@@ -46,6 +52,7 @@ def node_table(
         modes: of the recorded estimates.
         containers: of a tray; 0: there is none.
         force_surface: topic of heights that a sensor node made of a force; empty: there are none.
+        cameras: nodes of containers with cameras of their own.
     """
     estimate = ("samples_used", *estimate_fields(modes))
     # What a governor reads of it.
@@ -85,12 +92,13 @@ def node_table(
                     COMPARISON_TYPE,
                     ("measured_stale", *COMPARED),
                     can_lack=ESTIMATED,
-                    known=_seen,
+                    known=with_an_image,
                 ),
             ),
             # A live monitor has deadlines.
             tolerance=None,
         ),
+        *cameras,
     )
 
 
@@ -121,8 +129,3 @@ def _alone(estimates: Messages) -> Messages:
 def _heard(calm: Messages) -> Messages:
     """Removes Calm messages that report a silent input, since they depend on the live clock."""
     return calm.rows(calm.columns["reason"] != CalmReason.STALE)
-
-
-def _seen(comparisons: Messages) -> Messages:
-    """Removes comparisons without a camera measurement, which depend on the live clock."""
-    return comparisons.rows(~comparisons.columns["measured_stale"].astype(bool))

@@ -25,7 +25,13 @@ from slosh_estimator.validity import attitude_warning
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.tilt import attitude_of, ignored_text
-from slosh_msgs_py.topics import CALM, COMPARISON, ESTIMATE, FUSED_ESTIMATE, TRAY_ESTIMATE
+from slosh_msgs_py.topics import (
+    CALM,
+    COMPARISON,
+    ESTIMATE,
+    FUSED_ESTIMATE,
+    TRAY_ESTIMATE,
+)
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording import settings
 from slosh_replay.recording.facts import (
@@ -44,6 +50,7 @@ from slosh_replay.recording.settings import NodeStart
 from slosh_replay.recording.sources import Sources, find_sources
 from slosh_replay.recording.states import observer_states_of, states_of
 from slosh_replay.replay.conclusion import Origin, conclude
+from slosh_replay.replay.container_feed import container_nodes
 from slosh_replay.replay.input_matching import InputMatcher
 from slosh_replay.replay.known_state import KnownState
 from slosh_replay.replay.node_table import node_table
@@ -117,7 +124,9 @@ def replay_bag(
         return _replay_table_bag(path, reader, sources, used, watched, outputs)
     tray = settings.tray_of(started) if started and model is None else None
     count = len(tray.containers) if tray else 0
-    table = node_table(len(used.mode_constants()), count, force_surface_topic(sources.starts))
+    cameras = container_nodes(sources.starts, tray.names) if tray else ()
+    force_surface = force_surface_topic(sources.starts)
+    table = node_table(len(used.mode_constants()), count, force_surface, cameras)
     nodes = _running(sources, (*table, *further))
     heard = _heard(sources, nodes)
     verifiers = _verifiers(heard, nodes, camera=watched.camera)
@@ -178,9 +187,13 @@ def replay_bag(
 
 def _known_state(verifiers: Mapping[str, Verifier], losses: list[int]) -> KnownState:
     """Creates the object that tracks for which inputs the liquid's state is known."""
-    names = ESTIMATE, TRAY_ESTIMATE, COMPARISON
-    estimate, tray, comparison = (verifiers.get(name) for name in names)
-    return KnownState(estimate, losses, tray, comparison)
+    estimate, comparison = (verifiers.get(name) for name in (ESTIMATE, COMPARISON))
+    of_trays = [
+        verifier
+        for name, verifier in verifiers.items()
+        if name == TRAY_ESTIMATE or name.startswith(f"{COMPARISON}_")
+    ]
+    return KnownState(estimate, losses, of_trays, comparison)
 
 
 def _unfelt(path: Path, sources: Sources, model: Model, how: InputSettings) -> list[str]:
