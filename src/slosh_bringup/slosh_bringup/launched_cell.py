@@ -43,7 +43,7 @@ from slosh_bringup.watch import PORT
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_estimator.inputs import JOINTS
 from slosh_model.tray import read_tray
-from slosh_msgs_py.topics import DRIVING
+from slosh_msgs_py.topics import COMMANDING, DRIVING
 
 SETTLED = 60.0
 """An end that lies longer back than this is not counted any more [s]."""
@@ -89,6 +89,7 @@ ARGUMENTS = (
     Argument("urdf", "", "robot description, for joint states and predictions of joint motions"),
     Argument("tool_frame", "", "link of the robot that carries the container"),
     Argument("plan", "false", "plan motions: the service plan, the action plan_motion"),
+    Argument("govern", "", f"limit commands: {', '.join(COMMANDING)}; empty: no governor"),
     Argument("watch", "false", f"serve the operator's page on this machine, port {PORT}"),
     Argument("plc", "false", "serve the cell's state over OPC UA, MQTT or Modbus TCP"),
     Argument("simulate", "false", "play a motion instead of reading a robot's topics"),
@@ -210,6 +211,7 @@ class LaunchedCell:
             remap=read_remap(source, namespace, source.value["remap"], tuple(cameras)),
             force=Path(given["force"]).absolute() if given["force"] else None,
             cameras=cameras,
+            govern=given["govern"],
         )
         if setup.force is not None and not setup.force.is_file():
             raise SloshBringupError(f"force:={given['force']}: no such file")

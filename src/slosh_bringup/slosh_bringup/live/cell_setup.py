@@ -17,7 +17,7 @@ from slosh_msgs_py import topics
 from slosh_msgs_py.errors import SloshMessageError
 
 NAMESPACE = topics.NAMESPACE
-NODES_OF_A_CELL = ("recorder", "estimator", "camera", "sensor", "monitor", "plc")
+NODES_OF_A_CELL = ("recorder", "estimator", "camera", "sensor", "monitor", "governor", "plc")
 """In the order of their start: what the recorder records must not have begun."""
 REMAPPABLE = (
     *(topic.name for topic in topics.TOPICS if topic.remappable),
@@ -46,6 +46,8 @@ class CellSetup:
         force: identification.json of the payload on a force sensor; None: there is none.
         cameras: camera.yaml of each container behind a tray's first that has a camera, by name.
         record: of RECORD; empty: as the recorder's parameters have it.
+        govern: kind of the commands that the governor limits, of topics.COMMANDING; empty: it is
+            not started.
     """
 
     model: Path
@@ -58,6 +60,7 @@ class CellSetup:
     force: Path | None = None
     plc: bool = False
     cameras: Mapping[str, Path] = field(default_factory=dict)
+    govern: str = ""
 
     @property
     def camera_nodes(self) -> dict[str, str]:
@@ -85,6 +88,8 @@ class CellSetup:
             own["monitor"]["cameras"] = ",".join(self.cameras)
         if self.record:
             own["recorder"]["mode"] = self.record
+        if self.govern:
+            own["governor"] = {"model": str(self.model), "command": self.govern}
         names = [name for name in NODES_OF_A_CELL if name in own]
         for container, name in self.camera_nodes.items():
             own[name] = {"calibration": str(self.cameras[container]), "container": container}
@@ -122,6 +127,7 @@ def read_setup(path: Path) -> CellSetup:
         "record",
         "force",
         "plc",
+        "govern",
         *READING,
     )
     for key in document:
@@ -143,19 +149,18 @@ def read_setup(path: Path) -> CellSetup:
         namespace=namespace,
         remap=read_remap(source, namespace, document.get("remap") or {}, tuple(cameras)),
         reading=_reading(source),
-        record=_record(source),
+        record=_one_of(source, "record", RECORD),
+        govern=_one_of(source, "govern", tuple(topics.COMMANDING)),
         force=_file(source, "force") if "force" in document else None,
         plc=_plc(source),
     )
 
 
-def _record(source: YamlDocument) -> str:
-    """Returns what the cell file says to record; empty if it says nothing."""
-    value = source.value.get("record", "")
-    if "record" in source.value and value not in RECORD:
-        raise SloshBringupError(
-            f"{source.at('record')} = {shown(value)} must be {' or '.join(RECORD)}"
-        )
+def _one_of(source: YamlDocument, key: str, known: Sequence[str]) -> str:
+    """Returns a key's value, which must be a known one; empty if the cell file lacks the key."""
+    value = source.value.get(key, "")
+    if key in source.value and value not in known:
+        raise SloshBringupError(f"{source.at(key)} = {shown(value)} must be {' or '.join(known)}")
     return str(value)
 
 

@@ -37,6 +37,7 @@ from slosh_msgs.msg import (
     Calm,
     FreeSurface,
     FusedEstimate,
+    GovernedMotion,
     LimitEvent,
     NodeSettings,
     SloshComparison,
@@ -81,6 +82,7 @@ class WatchNode(PolledNode):
         self._add(FusedEstimate, topics.FUSED_ESTIMATE, qos.STREAM_IN, self._on_fused)
         self._add(Calm, topics.CALM, qos.STREAM_IN, self._on_calm)
         self._add(SloshComparison, topics.COMPARISON, qos.STREAM_IN, self._on_comparison)
+        self._add(GovernedMotion, topics.GOVERNED_MOTION, qos.NEWEST_IN, self._on_governed)
         self._others = OtherCells(self, self.subscribe_polled, self.drop_polled, take)
         self._estimates: Subscription | None = None
         self._images: tuple[Subscription, Any] | None = None
@@ -182,6 +184,9 @@ class WatchNode(PolledNode):
 
     def _on_calm(self, message: Calm) -> None:
         hearing.hear_calm(self._state, message, time.monotonic())
+
+    def _on_governed(self, message: GovernedMotion) -> None:
+        hearing.hear_governed(self._state, message, time.monotonic())
 
     def _on_surface(self, message: FreeSurface) -> None:
         self._surfaces.append(message)
