@@ -24,6 +24,8 @@ def write_modes_picture(path: Path, model: Model, rows: tuple[ModeRow, ...]) -> 
 
     Along x, and along y if the container looks another from there.
 
+    Of a prism its outline and the direction of each mode.
+
     Args:
         path: .png or .svg.
         model: the model.
@@ -32,18 +34,47 @@ def write_modes_picture(path: Path, model: Model, rows: tuple[ModeRow, ...]) -> 
     Raises:
         OSError: the file cannot be written.
     """
-    along, across = (model.container.side_view(axis) for axis in (0, 1))
-    if np.array_equal(along, across):
-        rows = tuple(row for row in rows if row.axis == "x")
-    views = 1 + any(row.axis == "y" for row in rows)
+    plan = model.container.corners * model.container.reaches
+    views = 1
+    if not len(plan):
+        along, across = (model.container.side_view(axis) for axis in (0, 1))
+        if np.array_equal(along, across):
+            rows = tuple(row for row in rows if row.axis == "x")
+        views += any(row.axis == "y" for row in rows)
     count = len(rows) // views
     with new_picture(path, (3.0 * count, 4.6 if views == 1 else 5.6)) as figure:
         axes = figure.subplots(views, count, sharex="row", sharey="row", squeeze=False)
         for one, row in zip(axes.flat, rows, strict=True):
-            draw_mode(one, model, row)
+            if len(plan):
+                draw_direction(one, plan, row)
+            else:
+                draw_mode(one, model, row)
         for one in axes[:, 0]:
-            one.set_ylabel("height above the still surface [mm]")
+            one.set_ylabel("y [mm]" if len(plan) else "height above the still surface [mm]")
         figure.suptitle(model.container.described)
+
+
+def draw_direction(axes: Axes, plan: Array, row: ModeRow) -> None:
+    """Draws a prism's outline (N, 2) [m] from above and the direction of a mode."""
+    axes.fill(*_MM * plan.T, facecolor=_LIQUID, edgecolor=_WALL, linewidth=1.6)
+    along = _MM * np.array([np.cos(row.azimuth), np.sin(row.azimuth)])
+    reach = 0.5 * float(np.abs(plan @ along).max()) / _MM
+    axes.annotate(
+        "", reach * along, -reach * along,
+        arrowprops={"arrowstyle": "<->", "color": "#c0392b", "linewidth": 1.6},
+        annotation_clip=False,
+    )  # fmt: skip
+    _entitled(axes, row)
+
+
+def _entitled(axes: Axes, row: ModeRow) -> None:
+    axes.set_aspect("equal")
+    axes.set_title(
+        f"mode {row.number}: {row.natural_frequency / (2.0 * np.pi):.3f} Hz\n"
+        f"ζ {row.damping_ratio:.4f}, mass {100.0 * row.mass_ratio:.1f} %",
+        fontsize=9,
+    )
+    axes.set_xlabel("x [mm]")
 
 
 def draw_mode(axes: Axes, model: Model, row: ModeRow) -> None:
@@ -64,12 +95,7 @@ def draw_mode(axes: Axes, model: Model, row: ModeRow) -> None:
     axes.plot(
         [0.0], [_MM * row.mass_height], "o", color=_WALL, markersize=3.0 + 9.0 * row.mass_ratio
     )
-    axes.set_aspect("equal")
-    axes.set_title(
-        f"mode {row.number}: {row.natural_frequency / (2.0 * np.pi):.3f} Hz\n"
-        f"ζ {row.damping_ratio:.4f}, mass {100.0 * row.mass_ratio:.1f} %",
-        fontsize=9,
-    )
+    _entitled(axes, row)
     axes.set_xlabel(f"{row.axis} [mm]")
 
 

@@ -111,7 +111,7 @@ effects:
 
 
 def _effect(use: EffectUse) -> str:
-    """Returns the lines of model.yaml that describe one effect."""
+    """Returns the lines of model.yaml that describe one modelled effect."""
     lines = [f"  - name: {use.name}  # {find_effect(use.name).title}"]
     lines += [f"    {name}: {value!r}" for name, value in use.parameters.items()]
     return "\n".join(lines) + "\n"

@@ -25,6 +25,7 @@ from slosh_model.checks import within
 from slosh_model.constants import GRAVITY
 from slosh_model.errors import SloshModelError
 from slosh_model.limits import ValidityLimits
+from slosh_model.outline_wall import highest_of_many
 from slosh_model.wall import Wall
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ SECTIONS: Mapping[str, str] = MappingProxyType(
 """What each kind is, for people."""
 DIMENSIONS = (1e-4, 10.0)  # m; any other value is a unit mistaken for another
 X_AXIS, Y_AXIS = 0, 1
+_NO_CORNERS = np.empty((0, 2))
 
 _SHAPES: dict[str, type[Container]] = {}
 SHAPES: Mapping[str, type[Container]] = MappingProxyType(_SHAPES)
@@ -205,6 +207,10 @@ class Container(ABC):
         slenderness = self.root(n) / self.reaches[axis]
         return -2.0 / slenderness * math.tanh(0.5 * slenderness * self.fill_height)
 
+    def height_distance(self, n: int, axis: int = X_AXIS) -> float:
+        """Returns the distance from the axis to the place of a mode's highest wall height [m]."""
+        return self.reaches[axis]
+
     def crest(self, n: int, axis: int = X_AXIS) -> tuple[float, float]:
         """Returns a mode's maximum height relative to that at the wall, and its position [m]."""
         return 1.0, self.reaches[axis]
@@ -241,7 +247,7 @@ class Container(ABC):
         return Wall.vertical(radius, self.freeboard)
 
     def height_below_rim(self, distance: float = 0.0) -> float | None:
-        """Returns the wall height [m] that puts the crest a distance below the rim; or None.
+        """Returns the height at the wall [m] for a crest at a distance below the rim, or None.
 
         Args:
             distance: vertical [m]; 0: at the rim.
@@ -269,7 +275,7 @@ class Container(ABC):
 
     @property
     def linear_height(self) -> float:
-        """Wave height above which the linear model fails [m]; infinite with a nonlinear one."""
+        """Wave height [m] above which the linear model fails; infinite with a nonlinear model."""
         return math.inf
 
     @property
@@ -288,8 +294,38 @@ class Container(ABC):
 
     @property
     def cornered(self) -> bool:
-        """Whether the wave heights along x and y add up in a corner of the wall."""
+        """Whether the maximum height is the sum of the wave heights along x and y, in a corner."""
         return self.section == RECTANGULAR
+
+    @property
+    def follows_yaw(self) -> bool:
+        """Whether the liquid turns about the vertical as the container does."""
+        return self.section in (RECTANGULAR, PRISMATIC)
+
+    @property
+    def corners(self) -> Array:
+        """Corners (K, 2) of a wall over any outline, relative to the reaches along x and y.
+
+        None where it is round or a rectangle.
+        """
+        return _NO_CORNERS
+
+    @property
+    def one_directional(self) -> bool:
+        """Whether each mode moves along a direction of its own: two for each mode number."""
+        return False
+
+    def axes(self, masses: int) -> float:
+        """Returns the azimuth of a model's axes from the container's +x [rad].
+
+        Args:
+            masses: number of the model's sloshing masses.
+        """
+        return 0.0
+
+    def direction(self, n: int, axis: int = X_AXIS) -> float:
+        """Returns the azimuth of a mode's motion from the container's +x [rad]."""
+        return 0.5 * math.pi * axis
 
     def msh(self, sh_x: Array, sh_y: Array) -> Array:
         """Returns the maximum sloshing height over the wall [m] (DL22, Table 2).
@@ -297,6 +333,8 @@ class Container(ABC):
         Args:
             sh_x, sh_y: heights on the wall at +x and +y, of equal shapes [m].
         """
+        if len(self.corners):
+            return self._highest(sh_x, sh_y)[0]
         if self.cornered:
             return np.abs(sh_x) + np.abs(sh_y)
         return np.hypot(sh_x, sh_y)
@@ -306,10 +344,22 @@ class Container(ABC):
 
         In a rectangle that of its corner, or of a side's middle where all of it is as high.
         """
+        if len(self.corners):
+            return self._highest(sh_x, sh_y)[1]
         if self.cornered:
             reach_x, reach_y = self.reaches
             return np.arctan2(reach_y * np.sign(sh_y), reach_x * np.sign(sh_x))
         return np.arctan2(sh_y, sh_x)
+
+    def _highest(self, sh_x: Array, sh_y: Array) -> tuple[Array, Array]:
+        """Returns maximum heights [m] and azimuths [rad] on a wall with corners."""
+        heights = np.stack(np.broadcast_arrays(sh_x, sh_y), axis=-1).astype(np.float64)
+        found, azimuth = np.empty(heights[..., 0].size), np.empty(heights[..., 0].size)
+        highest_of_many(
+            self.corners, np.array(self.reaches), heights.reshape(-1, 2), found, azimuth
+        )
+        shape = heights.shape[:-1]
+        return found.reshape(shape), azimuth.reshape(shape)
 
     @property
     def freeboard(self) -> float | None:

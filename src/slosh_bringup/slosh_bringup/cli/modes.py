@@ -31,15 +31,16 @@ computed once with scikit-fem and cached. With -o they are stored in a model fil
 read without scikit-fem.
 
 columns:
+  azimuth    direction of the motion from the container's +x
   frequency  natural frequency [Hz]
   damping    damping ratio
   mass       sloshing mass [kg], and its share of the liquid's mass
-  height     height at the wall per displacement of the sloshing mass
+  height     wave height at the wall per displacement of the sloshing mass [1]
   static     share of the mode in the static height under constant acceleration
   pendulum   length of a pendulum of the same frequency [mm]
   position   height of the sloshing mass above the still surface [mm]
   force      lateral force per displacement [N/m]
-  crest      maximum height divided by the height at the wall; above 1: crest away from the wall"""
+  crest      maximum wave height divided by that at the wall; above 1: crest away from the wall"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -119,14 +120,15 @@ def text(model: Model, rows: tuple[ModeRow, ...]) -> str:
     """Formats the modes of a container as a text table."""
     lines = [
         plain_line(model.container.described),
-        "axis mode  frequency  damping     mass  share  height  static  pendulum  position"
-        "   force  crest",
+        "axis mode  azimuth  frequency  damping     mass  share  height  static  pendulum"
+        "  position   force  crest",
     ]
     lines += [
-        f"{row.axis:>4} {row.number:>4} {row.natural_frequency / math.tau:>7.4f} Hz"
-        f"  {row.damping_ratio:.5f} {row.mass:>8.4f}  {100.0 * row.mass_ratio:>4.1f} %"
+        f"{row.axis:>4} {row.number:>4}  {math.degrees(row.azimuth):>5.1f}°"
+        f" {row.natural_frequency / math.tau:>7.4f} Hz  {row.damping_ratio:.5f}"
+        f" {row.mass:>8.4f}  {100.0 * row.mass_ratio:>4.1f} %"
         f" {row.height_per_displacement:>7.4f}  {100.0 * row.static_share:>4.1f} %"
-        f"  {1e3 * row.pendulum_length:>5.1f} mm {1e3 * row.mass_height:>6.1f} mm"
+        f"  {1e3 * row.pendulum_length:>6.1f} mm {1e3 * row.mass_height:>6.1f} mm"
         f" {row.force_per_displacement:>7.2f} {row.crest_ratio:>6.3f}"
         for row in rows
     ]

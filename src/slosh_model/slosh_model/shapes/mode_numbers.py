@@ -34,6 +34,7 @@ class ModeNumbers:
         crest_place: where it is: distance from the axis [m].
         layer_damping: ζ per √ν from the layer at the wall [s^½/m].
         bulk_damping: ζ per ν from the rest of the liquid [s/m²].
+        turn: azimuth of the mode's motion, from x or y [rad].
         surface: distance from the axis [m] and height relative to the wall's; empty: not kept.
     """
 
@@ -47,6 +48,7 @@ class ModeNumbers:
     crest_place: float
     layer_damping: float
     bulk_damping: float
+    turn: float = 0.0
     surface: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:

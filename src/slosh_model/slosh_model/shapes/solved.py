@@ -193,7 +193,7 @@ class SolvedContainer(Container):
 
     @property
     def linear_height(self) -> float:
-        """Height above which waves are nonlinear [m]: too steep, or on a sloping wall."""
+        """Wave height [m] above which the linear model fails: too steep, or on a sloping wall."""
         steep = STEEP * GRAVITY / self.natural_frequency(1) ** 2
         slope = abs(self.widening)
         return min(
