@@ -188,13 +188,9 @@ def random_path(hand: Kinematics, seed: int) -> tuple[Array, bool]:
             return np.array(found), leans
 
 
-def leg_time(arm: Arm, limits: JointLimits, leg: Leg) -> float:
-    """Returns the shortest duration of a leg by toppra [s], without jerk limits."""
+def joint_constraints(arm: Arm, limits: JointLimits) -> list[Any]:
+    """Returns the joints' limits except the jerk's as constraints of toppra."""
     ta: Any = importlib.import_module("toppra")
-    ta.setup_logging("ERROR")
-    assert isinstance(leg, JointLeg)
-    grid = np.linspace(0.0, leg.length, 400)
-    curve = ta.SplineInterpolator(grid, leg.joint_derivative(grid, 0))
 
     def torque(q: Array, rate: Array, change: Array) -> Array:
         still = np.zeros_like(q)[None]
@@ -206,13 +202,23 @@ def leg_time(arm: Arm, limits: JointLimits, leg: Leg) -> float:
     def both(most: Array) -> Array:
         return np.column_stack([-most, most])
 
-    constraints = [
+    return [
         ta.constraint.JointVelocityConstraint(both(limits.velocity)),
         ta.constraint.JointAccelerationConstraint(both(limits.acceleration)),
         ta.constraint.JointTorqueConstraint(
             torque, both(limits.torque), np.zeros(len(limits.names))
         ),
     ]
+
+
+def leg_time(arm: Arm, limits: JointLimits, leg: Leg) -> float:
+    """The shortest time along a leg for the joints' limits but the jerk's, by toppra [s]."""
+    ta: Any = importlib.import_module("toppra")
+    ta.setup_logging("ERROR")
+    assert isinstance(leg, JointLeg)
+    grid = np.linspace(0.0, leg.length, 400)
+    curve = ta.SplineInterpolator(grid, leg.joint_derivative(grid, 0))
+    constraints = joint_constraints(arm, limits)
     found = ta.algorithm.TOPPRA(constraints, curve, gridpoints=grid).compute_trajectory(0.0, 0.0)
     return float("nan") if found is None else float(found.duration)
 

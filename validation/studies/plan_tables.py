@@ -28,10 +28,18 @@ from scipy.interpolate import make_interp_spline
 from slosh_bringup.cell.motions import MOTIONS, PATHS, make_motion
 from slosh_model import Cylinder, Model, Rectangle
 from slosh_plan.planning.checked import Checker
-from slosh_plan.planning.known_laws import LONGEST, UNIT_LAWS, Make, UnitLaw, fastest, known_laws
+from slosh_plan.planning.known_laws import (
+    LONGEST,
+    UNIT_LAWS,
+    Make,
+    UnitLaw,
+    fastest,
+    known_laws,
+    leg_durations,
+)
 from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.path import Leg, path_through
 from slosh_plan.planning.path import Path as Route
-from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import NoSafeMotionError, plan
 from slosh_plan.planning.time_law import PlannedMotion, motion_along
 
@@ -113,16 +121,17 @@ def by_parameter(name: str, law: UnitLaw, duration: float, step: float) -> Plann
 def shaped(
     route: Route, period: float, law: UnitLaw, duration: float, step: float
 ) -> PlannedMotion:
-    """Creates a motion whose two halves, half a period apart, cancel each other's wave (ZV)."""
-    leg, lag = route.legs[0], 0.5 * period
-    rest = max(duration - lag, 1e-3)
+    """Creates a motion whose legs each cancel their wave by halves half a period apart (ZV)."""
+    lag, durations = 0.5 * period, leg_durations(route, duration)
 
-    def halves(t: Array) -> tuple[Array, Array, Array]:
+    def halves(leg: Leg, time: float, t: Array) -> tuple[Array, Array, Array]:
+        rest = max(time - lag, 1e-3)
         first, second = law(t / rest), law((t - lag) / rest)
         s, v, a = (0.5 * (x + y) for x, y in zip(first, second, strict=True))
         return leg.length * s, leg.length * v / rest, leg.length * a / rest**2
 
-    return motion_along(route, [halves], [duration], step)
+    pairs = zip(route.legs, durations, strict=True)
+    return motion_along(route, [partial(halves, *pair) for pair in pairs], durations, step)
 
 
 def scaled_times(model: Model, name: str, route: Route, limits: PlanLimits) -> tuple[float, float]:

@@ -22,10 +22,11 @@ from slosh_model import Model
 from slosh_model.covariance import covariance_of
 from slosh_model.parameters import parameter_value
 from slosh_plan.planning.checked import heights_after
+from slosh_plan.planning.likely import likely_models
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import NoSafeMotionError, Plan, plan
-from slosh_plan.planning.robust import likely_models, plan_robust
+from slosh_plan.planning.robust import plan_robust
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "plan.md"
 FREQUENCY_ERRORS = (0.002, 0.005, 0.01, 0.02)

@@ -11,7 +11,7 @@ from slosh_base.types import Array
 from slosh_bringup.simulate.chart import new_picture
 from slosh_model.mode_table import ModeRow
 from slosh_model.model import Model
-from slosh_model.shapes.revolution import cut_above
+from slosh_model.shapes.profiled import cut_above
 
 _MM = 1e3
 _LIQUID, _WALL = "#cfe5f5", "#333333"
@@ -20,7 +20,9 @@ _HIGH = 0.25
 
 
 def write_modes_picture(path: Path, model: Model, rows: tuple[ModeRow, ...]) -> None:
-    """Draws the container, the liquid at rest and the mode shapes along x to a file.
+    """Draws the container, the liquid at rest and the mode shapes to a file.
+
+    Along x, and along y if the container looks another from there.
 
     Of a prism its outline and the direction of each mode.
 
@@ -33,16 +35,22 @@ def write_modes_picture(path: Path, model: Model, rows: tuple[ModeRow, ...]) -> 
         OSError: the file cannot be written.
     """
     plan = model.container.corners * model.container.reaches
+    views = 1
     if not len(plan):
-        rows = tuple(row for row in rows if row.axis == "x")
-    with new_picture(path, (3.0 * len(rows), 4.6)) as figure:
-        axes = figure.subplots(1, len(rows), sharex=True, sharey=True, squeeze=False)[0]
-        for one, row in zip(axes, rows, strict=True):
+        along, across = (model.container.side_view(axis) for axis in (0, 1))
+        if np.array_equal(along, across):
+            rows = tuple(row for row in rows if row.axis == "x")
+        views += any(row.axis == "y" for row in rows)
+    count = len(rows) // views
+    with new_picture(path, (3.0 * count, 4.6 if views == 1 else 5.6)) as figure:
+        axes = figure.subplots(views, count, sharex="row", sharey="row", squeeze=False)
+        for one, row in zip(axes.flat, rows, strict=True):
             if len(plan):
                 draw_direction(one, plan, row)
             else:
                 draw_mode(one, model, row)
-        axes[0].set_ylabel("y [mm]" if len(plan) else "height above the still surface [mm]")
+        for one in axes[:, 0]:
+            one.set_ylabel("y [mm]" if len(plan) else "height above the still surface [mm]")
         figure.suptitle(model.container.described)
 
 
@@ -71,12 +79,12 @@ def _entitled(axes: Axes, row: ModeRow) -> None:
 
 def draw_mode(axes: Axes, model: Model, row: ModeRow) -> None:
     """Draws a container from the side, the liquid at rest and the shape of one mode."""
-    container = model.container
-    wall = _MM * container.silhouette
+    container, axis = model.container, "xy".index(row.axis)
+    wall = _MM * container.side_view(axis)
     both = np.vstack([wall[::-1] * [-1.0, 1.0], wall])
     fill_below(axes, wall)
     axes.plot(*both.T, color=_WALL, linewidth=1.6)
-    places, heights = container.surface_shape(row.number)
+    places, heights = container.surface_shape(row.number, axis)
     reach = _MM * places[-1]
     top = float(wall[:, 1].max())
     high = min(_HIGH * reach, 0.9 * top) / max(float(np.abs(heights).max()), 1.0)
@@ -88,6 +96,7 @@ def draw_mode(axes: Axes, model: Model, row: ModeRow) -> None:
         [0.0], [_MM * row.mass_height], "o", color=_WALL, markersize=3.0 + 9.0 * row.mass_ratio
     )
     _entitled(axes, row)
+    axes.set_xlabel(f"{row.axis} [mm]")
 
 
 def fill_below(axes: Axes, wall: Array) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +76,10 @@ class Monitor:
 
     While the estimates say that the gripper is empty nothing is watched, and nothing is missed.
 
+    Args:
+        settings: limits and timeouts.
+        number: gives each limit violation its number; None: they are counted here.
+
     Attributes:
         tray: the limits of a tray's containers, of the first of which the estimates are; None:
             there is none.
@@ -86,8 +90,9 @@ class Monitor:
         standstill: that the clock does not move, as the user of this object knows; empty: it does.
     """
 
-    def __init__(self, settings: MonitorSettings) -> None:
+    def __init__(self, settings: MonitorSettings, number: Callable[[], int] | None = None) -> None:
         self.settings = settings
+        self._number = number or self.next_excess
         self.linear = RunningAccuracy()
         self.nonlinear = RunningAccuracy()
         self.motions = MotionWatch(settings.disagreement_limit)
@@ -149,7 +154,7 @@ class Monitor:
             stamp_ns: the last moment of the tray before, with the same places [ns].
         """
         if self.tray is None or self.tray.tray.names != tray.names:
-            self.tray = TrayWatch(tray, self.settings, self._next_excess)
+            self.tray = TrayWatch(tray, self.settings, self._number)
         else:
             self.tray.carry(tray, stamp_ns)
 
@@ -407,12 +412,13 @@ class Monitor:
         self._change_limit(source, stamp_ns)
         tracker = self._trackers[source]
         if not tracker.active and value > tracker.limit:
-            tracker.identifier = self._next_excess()
+            tracker.identifier = self._number()
         event = tracker.update(stamp_ns, value)
         if event is not None:
             self._events.append(event)
 
-    def _next_excess(self) -> int:
+    def next_excess(self) -> int:
+        """Returns the number of the next limit violation."""
         self._excesses += 1
         return self._excesses
 

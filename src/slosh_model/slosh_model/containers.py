@@ -94,6 +94,7 @@ class Container(ABC):
         straight_alone: whether the surface of its linear model is straight with one mode only:
             with more of them it has their own shapes.
         validated: where its models were validated.
+        surface_known: whether `surface_shape` is a mode's own, not a straight line.
         most_modes: number of modes that its models may have.
     """
 
@@ -106,6 +107,7 @@ class Container(ABC):
     built_in: ClassVar[Mapping[str, Mapping[str, float]]]
     straight_alone: ClassVar[bool]
     validated: ClassVar[ValidityLimits]
+    surface_known: ClassVar[bool] = True
     most_modes: ClassVar[int] = MAXIMUM_MODE
 
     @staticmethod
@@ -218,9 +220,9 @@ class Container(ABC):
         """Volume of the liquid [m³], or NaN if unknown."""
         return math.nan
 
-    def surface_shape(self, n: int) -> tuple[Array, Array]:
-        """Returns positions along x from the axis to the wall [m], and a mode's heights there."""
-        places = np.linspace(0.0, self.reaches[X_AXIS], 41)
+    def surface_shape(self, n: int, axis: int = X_AXIS) -> tuple[Array, Array]:
+        """Returns positions along an axis up to the wall [m], and a mode's heights there."""
+        places = np.linspace(0.0, self.reaches[axis], 41)
         if self.cornered:
             shape = np.sin(self.root(n) * places / places[-1])
             return places, shape / shape[-1]
@@ -228,8 +230,12 @@ class Container(ABC):
 
     @property
     def silhouette(self) -> Array:
-        """Returns the right half of the wall's contour (N, 2) [m], z from the still surface."""
-        reach, rim = self.reaches[X_AXIS], self.rim_height or 1.3 * self.fill_height
+        """Returns `side_view` along x."""
+        return self.side_view(X_AXIS)
+
+    def side_view(self, axis: int = X_AXIS) -> Array:
+        """Returns half of the wall's contour (N, 2) along an axis [m], z from the still level."""
+        reach, rim = self.reaches[axis], self.rim_height or 1.3 * self.fill_height
         floor = -self.fill_height
         return np.array([[0.0, floor], [reach, floor], [reach, rim - self.fill_height]])
 

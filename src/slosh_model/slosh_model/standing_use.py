@@ -21,7 +21,7 @@ from slosh_model.constants import GRAVITY
 from slosh_model.containers import X_AXIS, Y_AXIS, Container
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
-from slosh_model.simulate import Inputs, simulate
+from slosh_model.simulate import Inputs, State, simulate
 from slosh_model.standing import Standing
 
 LEVELS = 64
@@ -108,7 +108,11 @@ def liquid_centre(container: Container) -> float:
 
 
 def standing_use(
-    model: Model, standing: Standing, inputs: Inputs, place: Array | None = None
+    model: Model,
+    standing: Standing,
+    inputs: Inputs,
+    place: Array | None = None,
+    state: State | None = None,
 ) -> StandingUse:
     """Simulates a motion; returns the fractions of friction and support base that it uses.
 
@@ -117,9 +121,10 @@ def standing_use(
         standing: how the container stands.
         inputs: motion of the tray's frame.
         place: (3,) of the centre of the still surface in that frame [m]; None: its origin.
+        state: of the liquid at the first sample; None: at rest.
     """
     masses = StandingMasses.of(model, standing)
-    modal = simulate(model, inputs)[0].modal
+    modal = simulate(model, inputs, state)[0].modal
     above = np.array([0.0, 0.0, masses.centre_height - model.container.fill_height])
     force = specific_force(inputs, above if place is None else place + above)
     displacement, speed = modal[:, :, :2], modal[:, :, 2:]

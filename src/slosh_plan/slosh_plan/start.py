@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,6 +43,23 @@ class LiquidState:
                 )
             value.setflags(write=False)
             object.__setattr__(self, name, value)
+
+
+LiquidStates = LiquidState | Mapping[str, LiquidState]
+"""State of one container's liquid, or of each container's on a tray by its name."""
+
+
+def state_of(states: LiquidStates | None, container: str) -> LiquidState | None:
+    """Returns the state of the liquid in a container; None: it is at rest.
+
+    Raises:
+        SloshPlanError: the containers' states do not contain it.
+    """
+    if states is None or isinstance(states, LiquidState):
+        return states
+    if container not in states:
+        raise SloshPlanError(f"the state of the liquid in container {container!r} is not given")
+    return states[container]
 
 
 def begun(model: Model, modal: Array | None, t: float) -> State | None:

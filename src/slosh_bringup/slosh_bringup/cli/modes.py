@@ -16,15 +16,17 @@ from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.pictures import check_picture
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.bessel import MAXIMUM_MODE
-from slosh_model.containers import PRISMATIC
 from slosh_model.errors import SloshModelError
 from slosh_model.mode_table import ModeRow, mode_table
 from slosh_model.model import Model
 from slosh_model.model_text import read_model, write_model
 from slosh_model.potential_flow.tuning import TUNING
+from slosh_model.shapes.profiled import INSIDE
 
 SURFACE_PLACES = 21
-EPILOG = """The modes of a container with a contour (shape: revolution, prism, frustum, ...) are
+_AWAY = 0.999
+"""Part of the distance to the wall below which a crest is away from it."""
+EPILOG = """The modes of a container with a contour (shape: revolution, prism, trough, ...) are
 computed once with scikit-fem and cached. With -o they are stored in a model file, which can be
 read without scikit-fem.
 
@@ -98,11 +100,11 @@ def facts(model: Model, rows: tuple[ModeRow, ...]) -> dict[str, Any]:
 
 
 def _surface(model: Model, row: ModeRow) -> list[list[float]] | None:
-    """Returns a mode's positions along x [m] and heights per amplitude; None if not known."""
-    if row.axis != "x" or model.container.section == PRISMATIC:
+    """Returns a mode's positions along its axis [m] and heights per amplitude; None: not known."""
+    if not model.container.surface_known:
         return None
     try:
-        places, heights = model.container.surface_shape(row.number)
+        places, heights = model.container.surface_shape(row.number, "xy".index(row.axis))
     except SloshModelError:  # a file has the numbers alone, and nothing here computes the shape
         return None
     inside = np.linspace(places[0], places[-1], SURFACE_PLACES)
@@ -134,13 +136,15 @@ def text(model: Model, rows: tuple[ModeRow, ...]) -> str:
 
 
 def _remarks(model: Model, rows: tuple[ModeRow, ...]) -> list[str]:
-    found, limit = [], model.container.linear_height
-    first = rows[0]
-    if first.crest_ratio > 1.001:
-        found.append(
-            f"The first mode's crest is {1e3 * first.crest_place:.1f} mm from the axis, away from "
-            f"the wall, and {first.crest_ratio:.3f} times as high; heights refer to the wall."
-        )
+    limit, reaches = model.container.linear_height, model.container.reaches
+    inside = (row for row in rows if row.number == 1 and row.crest_ratio > INSIDE)
+    found = [
+        f"The first mode's crest along {row.axis} is {1e3 * row.crest_place:.1f} mm from the "
+        f"axis, away from the wall, and {row.crest_ratio:.3f} times as high; heights refer to the "
+        "wall."
+        for row in inside
+        if row.crest_place < _AWAY * reaches["xy".index(row.axis)]
+    ]
     if model.damping_ratio is None and model.container.digest:
         found.append(
             f"Damping is that of the wetted wall and {100.0 * TUNING.film:.0f} % of a surface "

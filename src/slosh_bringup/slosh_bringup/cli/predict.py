@@ -285,8 +285,6 @@ def _of_tray(each: TrayPrediction) -> Iterator[str]:
     )
     yield f"worst container {each.worst}" + (f" ({others})" if others else "")
     yield from each.loose_words
-    if each.standing:
-        yield "time scales do not count sliding and tipping"
 
 
 def _interval(one: Prediction) -> str:

@@ -44,15 +44,19 @@ def check_files(setup: CellSetup) -> None:
     Raises:
         ValueError: of the package that reads the file; one line.
     """
-    container = read_tray(setup.model).first.model.container
-    if setup.calibration is not None:
-        read_any_calibration(setup.calibration)
-        if container.section == PRISMATIC:
+    tray = read_tray(setup.model)
+    first = {} if setup.calibration is None else {tray.first.name: setup.calibration}
+    for one in tray.containers:
+        calibration = {**setup.cameras, **first}.get(one.name)
+        if calibration is None:
+            continue
+        read_any_calibration(calibration)
+        if one.model.container.section == PRISMATIC:
             raise SloshBringupError(
                 f"{setup.model}: the camera measures rectangles and round containers, not a "
-                f"{container.shape}; write `camera: none` in place of the calibration"
+                f"{one.model.container.shape}; write `camera: none` in place of the calibration"
             )
-    check_parameter_file(setup.parameters, setup.namespace)
+    check_parameter_file(setup.parameters, setup.namespace, setup.camera_nodes.values())
 
 
 @dataclass(frozen=True, slots=True)

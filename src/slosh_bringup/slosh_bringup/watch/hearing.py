@@ -14,6 +14,7 @@ from slosh_bringup.watch.state import (
     Compared,
     Estimated,
     Fused,
+    GovernorNews,
     LimitNews,
     Surface,
     WatchState,
@@ -83,6 +84,13 @@ def hear_calm(state: WatchState, message: Any, now: float) -> None:
             message.time_until_calm,
         ),
         now,
+    )
+
+
+def hear_governed(state: WatchState, message: Any, now: float) -> None:
+    """Adds a GovernedMotion, received at a monotonic time [s], to the page's state."""
+    state.take_governor(
+        GovernorNews(message.share, message.state, message.reason, message.safe), now
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,11 @@ HEIGHTS = {
 }
 """Topics without one of which nothing of a cell is in a bag, and their types."""
 BESIDE = {name: row.type for name, row in _PAGE.items() if name not in HEIGHTS}
+FREQUENT: Mapping[str, Callable[[WatchState, Any, float], None]] = {
+    topics.ESTIMATE: hearing.hear_estimate,
+    topics.GOVERNED_MOTION: hearing.hear_governed,
+}
+"""Topics with up to a thousand messages per second."""
 MOST = 36_000
 """Frames that are kept: an hour."""
 STEP = round(PERIOD * SECOND)
@@ -115,7 +120,7 @@ class _Listener:
         self.camera = Camera()
         self._state = WatchState(f"slosh discover {bag} --model MODEL -o out/why")
         self._surface: Any = None
-        self._estimate: BagMessage | None = None
+        self._frequent: dict[str, BagMessage] = {}
         cell = CellTopics(reader.topics())
         self._namespace = cell.cells[0] if cell.cells else topics.NAMESPACE
         wanted = (HEIGHTS | BESIDE).items()
@@ -144,8 +149,8 @@ class _Listener:
 
     def _hear(self, name: str, message: BagMessage) -> None:
         now = message.log_ns * 1e-9
-        if name == "estimate":
-            self._estimate = message  # of a thousand a second the last before a frame is decoded
+        if name in FREQUENT:  # of a thousand a second the last before a frame is decoded
+            self._frequent[name] = message
             return
         decoded = self.reader.decode(message)
         if name == "comparison":
@@ -168,8 +173,8 @@ class _Listener:
 
     def _frame(self, now_ns: int) -> tuple[str, Any]:
         now = now_ns * 1e-9
-        if self._estimate is not None:
+        for name, message in self._frequent.items():
             with contextlib.suppress(SloshBagError):
-                hearing.hear_estimate(self._state, self.reader.decode(self._estimate), now)
-            self._estimate = None
+                FREQUENT[name](self._state, self.reader.decode(message), now)
+        self._frequent.clear()
         return self._state.frame(now), self._surface

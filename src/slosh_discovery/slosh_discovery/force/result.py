@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from slosh_base.types import Array
 from slosh_discovery.force.tuning import TUNING
+from slosh_estimator.sensed.payload import UNITS
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +44,9 @@ class ForceIdentification:
         unit: of the force as recorded.
         unobserved: what this record cannot tell, in a sentence; empty: nothing of this.
         notes: what was left out or assumed, a sentence each.
+        t: (n,) times of the fitted forces [s].
+        measured, modelled: (n, k) force along the sensor's directions, below the cutoff [N].
+        liquid: (n, k) the liquid's part of the modelled one [N].
     """
 
     name: str
@@ -59,11 +63,13 @@ class ForceIdentification:
     unit: str
     unobserved: str
     notes: tuple[str, ...]
+    t: Array
+    measured: Array
+    modelled: Array
+    liquid: Array
 
 
 NEWTON = "N"
-UNITS = {NEWTON: 1.0, "kgf": 9.80665, "lbf": 4.4482216, "mN": 1e-3, "kN": 1e3, "gf": 9.80665e-3}
-"""Units of force [N]."""
 
 
 def likely_unit(mass: float, expected: float) -> str:

@@ -460,6 +460,7 @@ class EstimatorNode(PreparedNode):
         if fault is not None and fault[0] != WARN:
             return fault
         unfelt = self._unfelt or self._input.sampling.sentence() or second
+        unfelt = unfelt or (self._observed.warning() if self._observed is not None else "")
         remark = unfelt or (doubt.text if doubt is not None else self._input.remark())
         if remark or faults:
             return WARN, remark or faults

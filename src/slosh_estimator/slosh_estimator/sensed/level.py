@@ -55,3 +55,15 @@ def wall_factor(model: Model, place: LevelPlace) -> float:
             "seen: mount it near the wall"
         )
     return 1.0 / here
+
+
+def strange_height(height: float, model: Model) -> str:
+    """Returns in one line why a height [m] above the still level cannot be; empty if it can."""
+    container = model.container
+    floor, top = -container.fill_height, max(container.fill_height, *container.reaches)
+    if floor <= height <= top:
+        return ""
+    hint = ""
+    if floor <= 1e-3 * height <= top:
+        hint = ": is the sensor's value in mm? It must be m, and level_distance its zero"
+    return f"level sensor: a height of {height:.4g} m is not in the container{hint}"

@@ -48,6 +48,7 @@ class PrismaticContainer(SolvedContainer):
     """
 
     section: ClassVar[str] = PRISMATIC
+    surface_known: ClassVar[bool] = False
     built_in: ClassVar[Mapping[str, Mapping[str, float]]] = MappingProxyType(
         {
             "quasi_static_modes": MappingProxyType({"kappa": 1.0}),
@@ -172,9 +173,9 @@ class PrismaticContainer(SolvedContainer):
         outline = replace(self, fill_height=1.0, rim_height=None, table=None)
         return prism_modes(_plane_modes(outline, count), self.fill_height)
 
-    def surface_shape(self, n: int) -> tuple[Array, Array]:
-        """Returns a straight line, since the surface shape along x is not stored."""
-        places = np.linspace(0.0, self.reaches[0], 2)
+    def surface_shape(self, n: int, axis: int = 0) -> tuple[Array, Array]:
+        """Returns a straight line, since the surface's shape is not stored."""
+        places = np.linspace(0.0, self.reaches[axis], 2)
         return places, places / places[-1]
 
     @property

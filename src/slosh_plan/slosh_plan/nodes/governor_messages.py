@@ -33,8 +33,21 @@ def pose_command(message: Any) -> Command:
     return Command(to_nanoseconds(message.header.stamp), target=(place.x, place.y, place.z))
 
 
-def governed_message(moved: Governed, frame: str) -> GovernedMotion:
-    """Creates the GovernedMotion message of one governor step."""
+def governed_message(moved: Governed, frame: str, joints: Sequence[str] = ()) -> GovernedMotion:
+    """Creates the GovernedMotion message of one governor step.
+
+    Args:
+        moved: the step.
+        frame: name of the world's frame.
+        joints: names of the commanded joints.
+    """
+    of_joints: dict[str, Any] = {}
+    if moved.joints:
+        rate, change, place = moved.joints
+        of_joints = {
+            "joint_names": list(joints), "joint_position": place, "joint_velocity": rate,
+            "joint_acceleration": change,
+        }  # fmt: skip
     return filled(
         GovernedMotion,
         stamp_ns=moved.stamp_ns,
@@ -54,6 +67,12 @@ def governed_message(moved: Governed, frame: str) -> GovernedMotion:
         steps=moved.steps,
         commands_taken=moved.commands,
         liquid_stamp_ns=moved.liquid_ns,
+        worst_container=moved.worst,
+        friction_use=moved.friction,
+        tipping_use=moved.tipping,
+        target_velocity=moved.wanted[0],
+        target=moved.wanted[1],
+        **of_joints,
     )
 
 

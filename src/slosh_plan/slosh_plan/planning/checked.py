@@ -117,11 +117,6 @@ class Checker:
     scenarios: tuple[Model, ...] = ()
     loose: LooseContainer | None = None
 
-    @property
-    def models(self) -> tuple[Model, ...]:
-        """The model, and its variants with other likely parameters."""
-        return (self.model, *self.scenarios)
-
     def __call__(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
         """Returns motions with the maximum heights that their simulation gives."""
         found = checked(self.model, motions, self.attitude)

@@ -68,7 +68,9 @@ class ReplayedObserver:
             counts = zip((taken - sensed).tolist(), sensed.tolist(), strict=True)
             self._states.extend(zip(recorded.stamps.tolist(), counts, strict=True))
         for door, waiting in zip(DOORS, self._surfaces, strict=True):
-            waiting.extend(_heights(moment.messages[door]))
+            # Of a replayed sensor, too, what was recorded is what the live node heard.
+            recorded = moment.messages.get(recorded_name(door))
+            waiting.extend(_heights(moment.messages[door] if recorded is None else recorded))
         batch = moment.messages[SAMPLES]
         if not len(batch.stamps):
             return {}

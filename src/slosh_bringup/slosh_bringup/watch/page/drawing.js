@@ -100,11 +100,10 @@ class Heights {
   draw() { this.plot.setData(this.rows); }
 }
 
-// The container's contour, +x to the right, and the level of each side as a line across it.
-function drawSide(canvas, container, surface, limit) {
+// The container's contour, +x to the right (share: cosine) or +y (sine), and the level of each side as a line across it.
+function drawSide(canvas, outline, share, surface, limit) {
   const wide = canvas.clientWidth || 300;
   const dense = devicePixelRatio || 1;
-  const outline = container.outline;
   const reach = Math.max(...outline.map(([r]) => r));
   const [low, high] = [Math.min(...outline.map(([, z]) => z)), Math.max(...outline.map(([, z]) => z))];
   const scale = 0.9 * Math.min(wide / (2 * reach), wide / (high - low));
@@ -135,7 +134,7 @@ function drawSide(canvas, container, surface, limit) {
   for (const name of ["estimated", "measured"]) {
     const [azimuth, height] = surface[name] || [null, null];
     if (azimuth === null || height === null) continue;
-    const right = height * Math.cos(azimuth);
+    const right = height * share(azimuth);
     level(-right, right, name, []);
   }
   context.restore();
