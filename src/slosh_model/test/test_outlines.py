@@ -9,7 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from slosh_model import Inputs, Model, measured_heights, simulate, wall_heights
+from slosh_model import (
+    Inputs,
+    Model,
+    SloshModelError,
+    measured_heights,
+    simulate,
+    wall_heights,
+)
 from slosh_model.constants import GRAVITY
 from slosh_model.gradient import peak_gradient
 from slosh_model.mode_table import mode_table
@@ -20,6 +27,7 @@ from slosh_model.potential_flow.directed import modes_without_symmetry
 from slosh_model.potential_flow.plane import prism_modes
 from slosh_model.shapes import Prism, Rectangle, Tray
 from slosh_model.shapes.contour import line
+from slosh_model.shapes.table_text import points_of
 from slosh_model.standing import Standing
 from slosh_model.standing_use import StandingMasses, standing_use
 
@@ -363,3 +371,38 @@ def test_another_fill_height_keeps_the_tilt():
     direct = Model(replace(container, fill_height=0.054, table=None))
     expected, found = (simulate(one, shaken())[0].msh for one in (direct, model))
     assert found == pytest.approx(expected, abs=2e-3 * expected.max())
+
+
+# ---- what people write
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["x;y\n0;0\n0,1;0\n0,04;0,07\n", "x\ty\n0\t0\n0.1\t0\n0.04\t0.07\n", "0 0\n0.1 0\n0.04 0.07\n",
+     "\ufeffx,y\n0,0\n0.1,0\n0.04,0.07\n", "# of a drawing\n0,0\n0.1,0\n\n0.04,0.07\n"],
+    ids=["semicolons", "tabs", "spaces", "byte order mark", "remark"],
+)  # fmt: skip
+def test_outlines_in_files_of_many_programs(tmp_path, text):
+    (tmp_path / "jar.csv").write_text(text, encoding="utf-8")
+    read = points_of("jar.csv", ("container", "outline"), tmp_path)
+    assert read == SCALENE
+
+
+@pytest.mark.parametrize(
+    "points",
+    [SCALENE[::-1], (*SCALENE, SCALENE[0]), (SCALENE[0], SCALENE[0], *SCALENE[1:])],
+    ids=["clockwise", "closed", "twice"],
+)
+def test_an_outline_however_it_is_written_is_the_same(points):
+    modes = [jar(one).natural_frequency(1) for one in (points, SCALENE)]
+    assert modes[0] == pytest.approx(modes[1], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "points",
+    [((0, 0), (0.1, 0), (0.1, 1e-4), (0, 1e-4)), ((0, 0), (0.1, 0), (0.1, 0), (0, 0))],
+    ids=["sliver", "line"],
+)
+def test_an_outline_without_room_is_refused(points):
+    with pytest.raises(SloshModelError, match=r"encloses (no area|too little)|different points"):
+        jar(points)

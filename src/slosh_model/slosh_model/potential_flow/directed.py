@@ -57,8 +57,9 @@ def modes_without_symmetry(
     if anisotropy(moments) < ISOTROPIC:  # the furthest place, where no direction differs
         frame = math.atan2(*places[np.argmax(np.hypot(*places.T))][::-1])
     sides = [Side(turned_piece(piece, -frame), "wall") for piece in outline]
+    size = outline_size(sides)
     numbers, (area, crests) = refined(
-        sides, outline_size(sides), lambda mesh: _solved_whole(mesh, count),
+        sides, lambda at: TUNING.whole * size(at), lambda mesh: _solved_whole(mesh, count),
         change=TUNING.change, most=TUNING.most_divisions,
     )  # fmt: skip
     rows, places = limit(numbers), turned_points(places, -frame)

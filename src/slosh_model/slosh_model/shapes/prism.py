@@ -35,6 +35,8 @@ from slosh_model.shapes.solved import SolvedContainer, solved_modes
 _ALIKE = 1e-4
 """Relative difference of the frequencies along x and y below which every direction is alike."""
 _QUARTER = 0.5 * math.pi
+NARROWEST = 0.02
+"""Least area of an outline, by the square of its furthest point's distance."""
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
@@ -233,8 +235,12 @@ class Prism(PrismaticContainer):
             raise SloshModelError(f"{key} needs three different points", ("container", "outline"))
         object.__setattr__(self, "outline", points)
         check_simple(self._as_given, key, closed=True)
-        if abs(area_and_centre(self._as_given)[0]) < 1e-8:
-            raise SloshModelError(f"{key} encloses no area", ("container", "outline"))
+        places = np.array(points)
+        extent = float(np.hypot(*(places - places.mean(axis=0)).T).max())
+        area = abs(area_and_centre(self._as_given)[0])
+        if area < NARROWEST * extent**2:
+            what = "no area" if area < 1e-8 else "too little area: a gap, or a point is wrong"
+            raise SloshModelError(f"{key} encloses {what}", ("container", "outline"))
 
     @property
     def _as_given(self) -> tuple[Piece, ...]:
