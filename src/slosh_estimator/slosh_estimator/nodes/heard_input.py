@@ -16,6 +16,7 @@ from slosh_estimator.gate import SampleVerdict
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import (
     APART,
+    CHAINED_SINCE,
     MESSAGE_TYPES,
     MOUNTED,
     POSED,
@@ -272,10 +273,17 @@ class HeardInput:
         stamp = to_nanoseconds(message.header.stamp)
         place, turn, frame = (p.x, p.y, p.z), (q.x, q.y, q.z, q.w), message.header.frame_id
         if isinstance(self.poses, TransformPoses):
-            found = self.poses.take([Transform(frame, POSED, stamp, place, turn)])
-            self._on_poses(found, self._world)
+            self._on_chained(self.poses, [Transform(frame, POSED, stamp, place, turn)])
         else:
             self._on_poses([TimedPose(stamp, place, turn)], frame)
+
+    def _on_chained(self, poses: TransformPoses, links: list[Transform]) -> None:
+        """Processes links of the chain that leads from the world to the container's poses."""
+        before = poses.since_ns
+        found = poses.take(links)
+        if poses.since_ns and poses.since_ns != before:  # what a replay must know
+            self._mounted({CHAINED_SINCE: poses.since_ns})
+        self._on_poses(found, self._world)
 
     def _on_odometry(self, message: Any) -> None:
         q = message.pose.pose.orientation
@@ -302,8 +310,11 @@ class HeardInput:
 
     def _on_transforms(self, message: Any, *, fixed: bool) -> None:
         assert isinstance(self.poses, TransformPoses)
-        found = self.poses.take(map(_transform, message.transforms), fixed=fixed)
-        self._on_poses(found, self._world)
+        links = [_transform(one) for one in message.transforms]
+        if fixed:
+            self._on_poses(self.poses.take(links, fixed=True), self._world)
+        else:
+            self._on_chained(self.poses, links)
 
     def _on_poses(self, poses: list[TimedPose], frame: str) -> None:
         assert isinstance(self.source, PoseInput)
