@@ -58,12 +58,21 @@ PLANNED_TRAJECTORY: Final = "planned_trajectory"
 DESIRED_TWIST: Final = "desired_twist"
 """Commands of a teleoperation, a jog or a servo for the governor,"""
 DESIRED_POSE: Final = "desired_pose"
-"""or targets; what the governor passes on:"""
+"""or targets,"""
+DESIRED_JOINTS: Final = "desired_joints"
+DESIRED_JOINT_TRAJECTORY: Final = "desired_joint_trajectory"
+DESIRED_JOINT_VALUES: Final = "desired_joint_values"
+"""or targets of the joints; what the governor passes on:"""
+SAFE_JOINTS: Final = "safe_joints"
+SAFE_JOINT_TRAJECTORY: Final = "safe_joint_trajectory"
+SAFE_JOINT_VALUES: Final = "safe_joint_values"
 SAFE_TWIST: Final = "safe_twist"
 GOVERNED_MOTION: Final = "governed_motion"
 """The same with all that is known of it."""
 STOP_TRAJECTORY: Final = "stop_trajectory"
-"""The motion of an emergency stop; latched."""
+"""The motion of an emergency stop; latched,"""
+STOP_JOINT_TRAJECTORY: Final = "stop_joint_trajectory"
+"""and that of the joints, if they are commanded."""
 PREDICTION: Final = "prediction"
 PREDICTION_OUTCOME: Final = "prediction_outcome"
 TRUTH: Final = "cell/truth"
@@ -128,6 +137,8 @@ class Topic(NamedTuple):
         page: whether the operator's page reads it.
         drives: value of the estimator's parameter `input` with which it drives the models; empty:
             it does not.
+        commands: value of the governor's parameter `command` with which it reads commands here;
+            empty: it does not.
     """
 
     name: str
@@ -139,6 +150,7 @@ class Topic(NamedTuple):
     recorded: bool = True
     page: bool = False
     drives: str = ""
+    commands: str = ""
 
     @property
     def is_absolute(self) -> bool:
@@ -162,6 +174,14 @@ class Service(NamedTuple):
 
 _INPUT, _ANSWER, _SHARED = TopicRole.INPUT, TopicRole.ANSWER, TopicRole.SHARED
 _MANY = Publishers.MANY
+_JOINT_COMMANDS = (
+    (DESIRED_JOINTS, SAFE_JOINTS, "sensor_msgs/msg/JointState"),
+    (
+        DESIRED_JOINT_TRAJECTORY, SAFE_JOINT_TRAJECTORY, "trajectory_msgs/msg/JointTrajectory"
+    ),
+    (DESIRED_JOINT_VALUES, SAFE_JOINT_VALUES, "std_msgs/msg/Float64MultiArray"),
+)  # fmt: skip
+"""Commands of joints, what is passed on of them, and the type of both."""
 
 TOPICS: tuple[Topic, ...] = (
     Topic(ACCEL, "geometry_msgs/msg/AccelStamped", _INPUT, remappable=True, drives="accel"),
@@ -179,12 +199,23 @@ TOPICS: tuple[Topic, ...] = (
     Topic(IMAGE_COMPRESSED, "sensor_msgs/msg/CompressedImage", _INPUT, remappable=True),
     Topic(CAMERA_INFO, "sensor_msgs/msg/CameraInfo", _INPUT, remappable=True),
     Topic(PLANNED_TRAJECTORY, "trajectory_msgs/msg/MultiDOFJointTrajectory", _INPUT, _MANY),
-    Topic(DESIRED_TWIST, "geometry_msgs/msg/TwistStamped", _INPUT, remappable=True),
-    Topic(DESIRED_POSE, "geometry_msgs/msg/PoseStamped", _INPUT, remappable=True),
+    Topic(
+        DESIRED_TWIST, "geometry_msgs/msg/TwistStamped", _INPUT, remappable=True, commands="twist"
+    ),
+    Topic(DESIRED_POSE, "geometry_msgs/msg/PoseStamped", _INPUT, remappable=True, commands="pose"),
+    *(
+        Topic(desired, kind, _INPUT, remappable=True, commands=desired.removeprefix("desired_"))
+        for desired, _, kind in _JOINT_COMMANDS
+    ),
+    *(Topic(safe, kind, _ANSWER, remappable=True) for _, safe, kind in _JOINT_COMMANDS),
     Topic(SAFE_TWIST, "geometry_msgs/msg/TwistStamped", _ANSWER, remappable=True),
-    Topic(GOVERNED_MOTION, "slosh_msgs/msg/GovernedMotion", _ANSWER),
+    Topic(GOVERNED_MOTION, "slosh_msgs/msg/GovernedMotion", _ANSWER, page=True),
     Topic(
         STOP_TRAJECTORY, "trajectory_msgs/msg/MultiDOFJointTrajectory", _ANSWER,
+        remappable=True, latched=True,
+    ),
+    Topic(
+        STOP_JOINT_TRAJECTORY, "trajectory_msgs/msg/JointTrajectory", _ANSWER,
         remappable=True, latched=True,
     ),
     Topic(FREE_SURFACE, "slosh_msgs/msg/FreeSurface", _ANSWER, remappable=True, page=True),
@@ -241,6 +272,8 @@ ACTIONS: tuple[Service, ...] = (
 )
 DRIVING: Mapping[str, Topic] = {row.drives: row for row in TOPICS if row.drives}
 """Topics that can drive the models, by the value of the estimator's parameter `input`."""
+COMMANDING: Mapping[str, Topic] = {row.commands: row for row in TOPICS if row.commands}
+"""Topics of commands, by the value of the governor's parameter `command`."""
 
 
 PER_CONTAINER = (FREE_SURFACE, COMPARISON, IMAGE, IMAGE_COMPRESSED, CAMERA_INFO)
@@ -288,7 +321,7 @@ def row_of(name: str) -> Topic | None:
 
 
 class CellName(NamedTuple):
-    """A full topic name, resolved to one of the cell's own topics.
+    """A full topic name and the entry of the project's topic table to which it belongs.
 
     Attributes:
         namespace: of the cell; empty: the root.

@@ -17,7 +17,7 @@ from slosh_msgs_py import topics
 from slosh_msgs_py.errors import SloshMessageError
 
 NAMESPACE = topics.NAMESPACE
-NODES_OF_A_CELL = ("recorder", "estimator", "camera", "sensor", "monitor")
+NODES_OF_A_CELL = ("recorder", "estimator", "camera", "sensor", "monitor", "governor", "plc")
 """In the order of their start: what the recorder records must not have begun."""
 REMAPPABLE = (
     *(topic.name for topic in topics.TOPICS if topic.remappable),
@@ -42,9 +42,12 @@ class CellSetup:
         namespace: of all nodes.
         remap: relative topic -> the robot's topic.
         reading: parameters of the estimator that say what drives it, as far as they are given.
+        plc: whether the cell's state is served to controllers; see slosh_plc.
         force: identification.json of the payload on a force sensor; None: there is none.
         cameras: camera.yaml of each container behind a tray's first that has a camera, by name.
         record: of RECORD; empty: as the recorder's parameters have it.
+        govern: kind of the commands that the governor limits, of topics.COMMANDING; empty: it is
+            not started.
     """
 
     model: Path
@@ -55,7 +58,9 @@ class CellSetup:
     reading: Mapping[str, str] = field(default_factory=dict)
     record: str = ""
     force: Path | None = None
+    plc: bool = False
     cameras: Mapping[str, Path] = field(default_factory=dict)
+    govern: str = ""
 
     @property
     def camera_nodes(self) -> dict[str, str]:
@@ -77,14 +82,18 @@ class CellSetup:
             del own["camera"]
         if self.calibration is None and self.force is None:
             own["monitor"] = {"camera": "false"}
+        if self.plc:
+            own["plc"] = {}
         if self.cameras:
             own["monitor"]["cameras"] = ",".join(self.cameras)
         if self.record:
             own["recorder"]["mode"] = self.record
+        if self.govern:
+            own["governor"] = {"model": str(self.model), "command": self.govern}
         names = [name for name in NODES_OF_A_CELL if name in own]
         for container, name in self.camera_nodes.items():
             own[name] = {"calibration": str(self.cameras[container]), "container": container}
-            names.insert(-1, name)
+            names.insert(names.index("monitor"), name)
         return [NodeProcess(name, [self.parameters], own[name], self.remap) for name in names]
 
 
@@ -117,6 +126,8 @@ def read_setup(path: Path) -> CellSetup:
         "remap",
         "record",
         "force",
+        "plc",
+        "govern",
         *READING,
     )
     for key in document:
@@ -138,23 +149,31 @@ def read_setup(path: Path) -> CellSetup:
         namespace=namespace,
         remap=read_remap(source, namespace, document.get("remap") or {}, tuple(cameras)),
         reading=_reading(source),
-        record=_record(source),
+        record=_one_of(source, "record", RECORD),
+        govern=_one_of(source, "govern", tuple(topics.COMMANDING)),
         force=_file(source, "force") if "force" in document else None,
+        plc=_plc(source),
     )
 
 
-def _record(source: YamlDocument) -> str:
-    """Returns what the cell file says to record; empty if it says nothing."""
-    value = source.value.get("record", "")
-    if "record" in source.value and value not in RECORD:
-        raise SloshBringupError(
-            f"{source.at('record')} = {shown(value)} must be {' or '.join(RECORD)}"
-        )
+def _one_of(source: YamlDocument, key: str, known: Sequence[str]) -> str:
+    """Returns a key's value, which must be a known one; empty if the cell file lacks the key."""
+    value = source.value.get(key, "")
+    if key in source.value and value not in known:
+        raise SloshBringupError(f"{source.at(key)} = {shown(value)} must be {' or '.join(known)}")
     return str(value)
 
 
+def _plc(source: YamlDocument) -> bool:
+    """Returns whether the cell file asks for the servers of controllers."""
+    value = source.value.get("plc", False)
+    if not isinstance(value, bool):
+        raise SloshBringupError(f"{source.at('plc')} = {shown(value)} must be true or false")
+    return value
+
+
 def _reading(source: YamlDocument) -> dict[str, str]:
-    """Returns the file's settings of the estimator's input."""
+    """Returns the cell file's settings of the estimator's input."""
     found = {}
     for key in READING:
         if key not in source.value:

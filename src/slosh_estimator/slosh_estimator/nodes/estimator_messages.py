@@ -6,29 +6,29 @@ from array import array
 from collections.abc import Sequence
 from itertools import chain
 
-from sensor_msgs.msg import Imu
-
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.estimate_kernel import MODAL
 from slosh_estimator.estimator import Estimate, ModelState
+from slosh_estimator.rotation import Vector
 from slosh_estimator.state import EstimatorState
 from slosh_estimator.tray_estimator import TrayEstimate
 from slosh_model.wall import Wall
 from slosh_msgs import msg as messages
 from slosh_msgs.msg import ExpectedReading, ModelEstimate, SloshEstimate
-from slosh_msgs_py.stamps import to_nanoseconds
 
 
-def imu_sample(
-    message: Imu,
-) -> tuple[int, tuple[float, float, float], tuple[float, float, float] | None]:
-    """Returns stamp [ns], specific force and angular velocity (or None) of an Imu message."""
-    f, w = message.linear_acceleration, message.angular_velocity
-    reported = message.angular_velocity_covariance[0] >= 0.0 and w.x == w.x
-    force = (f.x, f.y, f.z)
-    if message.linear_acceleration_covariance[0] < 0.0:
+def imu_vectors(values: Sequence[float]) -> tuple[Vector, Vector | None]:
+    """Returns specific force and angular velocity (None: not reported) of an Imu message.
+
+    Args:
+        values: numbers (37,) behind its header; see `StampedReader`.
+    """
+    wx, wy, wz, *covariance = values[13:25]
+    reported = covariance[0] >= 0.0 and wx == wx
+    force = (values[25], values[26], values[27])
+    if values[28] < 0.0:
         force = (float("nan"),) * 3
-    return to_nanoseconds(message.header.stamp), force, (w.x, w.y, w.z) if reported else None
+    return force, (wx, wy, wz) if reported else None
 
 
 def fill(message: SloshEstimate, estimate: Estimate, wall: Wall) -> None:
