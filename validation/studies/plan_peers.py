@@ -19,7 +19,7 @@ import json
 import math
 import statistics
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -131,7 +131,8 @@ class Task:
                 shares.append(share)
         acceleration = differences(place, 2)[1:-1]
         felt = replace(motion, acceleration=acceleration, tilt=None, joints=None)
-        heights = planned_heights(self.model.container, felt, turned)
+        independent: Callable[..., Array] = planned_heights
+        heights = independent(self.model.container, felt, turned)
         return max(
             *shares,
             float(np.linalg.norm(acceleration, axis=1).max()) / limits.acceleration,
