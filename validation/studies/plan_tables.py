@@ -59,7 +59,7 @@ SMOOTHEST_TURN = 0.6
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One case; times in s, infinite where none is safe.
+    """Results of one path: durations [s] by planning method, infinite if none is safe.
 
     `fallback` is by the best of the planner's own known laws, `best` by the best of these, of laws
     along DL22's parameter and of a shaped one.
@@ -77,12 +77,12 @@ class Row:
 
     @property
     def case(self) -> tuple[str, float, str]:
-        """What tells it from others."""
+        """Container, limit and path, which identify the case."""
         return self.container, self.limit, self.name
 
 
 def random_points(seed: int) -> Array:
-    """Two to five steps of some decimetres that do not turn sharply."""
+    """Returns waypoints of two to five random steps that do not turn sharply."""
     generator = np.random.default_rng(seed)
     while True:
         steps = generator.normal(size=(generator.integers(2, 6), 3)) * [0.12, 0.12, 0.05]
@@ -93,14 +93,14 @@ def random_points(seed: int) -> Array:
 
 
 def cases(count: int) -> dict[str, Array]:
-    """Waypoints by name."""
+    """Returns the waypoints of all paths by name."""
     named = {name: make_motion(name).position for name in ("l3", "e3", "c3")}
     named["p2p"] = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0]])
     return named | {f"random {seed}": random_points(seed) for seed in range(count)}
 
 
 def by_parameter(name: str, law: UnitLaw, duration: float, step: float) -> PlannedMotion:
-    """A law along DL22's own parameter of a path, as its motions are made."""
+    """Creates a motion whose time law acts on DL22's path parameter, not on path length."""
     spec = MOTIONS[name]
     sigma = np.linspace(0.0, 1.0, 4001)
     columns = [path(sigma)[0] for path in PATHS[spec.path]]
@@ -121,7 +121,7 @@ def by_parameter(name: str, law: UnitLaw, duration: float, step: float) -> Plann
 def shaped(
     route: Route, period: float, law: UnitLaw, duration: float, step: float
 ) -> PlannedMotion:
-    """A law whose two halves, half a period apart, cancel each other's wave (ZV), on each leg."""
+    """Creates a motion whose legs each cancel their wave by halves half a period apart (ZV)."""
     lag, durations = 0.5 * period, leg_durations(route, duration)
 
     def halves(leg: Leg, time: float, t: Array) -> tuple[Array, Array, Array]:
@@ -135,7 +135,7 @@ def shaped(
 
 
 def scaled_times(model: Model, name: str, route: Route, limits: PlanLimits) -> tuple[float, float]:
-    """Shortest safe times [s]: of the best known law, and of DL22's."""
+    """Returns the shortest safe durations [s] of the best known law and of DL22's law."""
     makers: dict[str, Make] = {law: known.motion for law, known in known_laws(route).items()}
     dl22 = "modified trapezoidal"
     if name in MOTIONS:
@@ -157,7 +157,7 @@ def _time(model: Model, make: Make, limits: PlanLimits, longest: float) -> float
 
 
 def measure(container: str, limit: float, name: str, points: Array) -> Row:
-    """One case."""
+    """Plans one path with all methods and returns the results."""
     model = CONTAINERS[container]
     limits = PlanLimits(limit, RESIDUAL, 9.5, 74.0)
     route = path_through(points)
@@ -175,7 +175,7 @@ def measure(container: str, limit: float, name: str, points: Array) -> Row:
 
 
 def table(rows: list[Row]) -> str:
-    """The rows as a page's text: a figure for each limit in a cell, medians of random paths."""
+    """Formats the results as a table, with medians of the random paths."""
     heads = (
         "container [mm]", "path", "DL22's law [s]", "best known law [s]", "fallback [s]",
         "planned [s]", "planning [s]",
@@ -204,7 +204,7 @@ def table(rows: list[Row]) -> str:
 
 
 def closing(rows: list[Row]) -> str:
-    """The medians."""
+    """Describes the median results in a sentence."""
     to_best = statistics.median(row.optimal / row.best for row in rows)
     to_dl22 = statistics.median(row.optimal / row.dl22 for row in rows)
     to_fallback = statistics.median(row.optimal / row.fallback for row in rows)
@@ -219,18 +219,22 @@ def closing(rows: list[Row]) -> str:
 
 
 def read_rows(path: Path) -> list[Row]:
-    """What was measured before."""
+    """Reads the results of earlier runs."""
     if not path.exists():
         return []
     return [Row(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
 def main() -> int:
-    """Measures as many cases as the time allows, in an order that mixes them."""
+    """Plans as many cases as the time allows, in mixed order, and prints the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("rows", type=Path, help="JSON lines: what was measured, also earlier")
+    parser.add_argument(
+        "rows", type=Path, help="file of results as JSON lines, extended by each run"
+    )
     parser.add_argument("--paths", type=int, default=20, help="random paths")
-    parser.add_argument("--seconds", type=float, default=1e9, help="stop after so many [s]")
+    parser.add_argument(
+        "--seconds", type=float, default=1e9, help="time after which no new case is begun [s]"
+    )
     parser.add_argument("--docs", action="store_true", help="write docs/plan.md")
     arguments = parser.parse_args()
     todo = [

@@ -9,7 +9,7 @@ from slosh_estimator.observer.states import told_fields
 from slosh_model import format_model
 from slosh_plan.governor import SeenLiquid
 from slosh_plan.governor.parameters import governor_of, velocity_command
-from slosh_plan.nodes.governor_node import PARAMETERS
+from slosh_plan.nodes.governor_parameters import PARAMETERS
 from slosh_replay import replay_bag
 from slosh_replay.manifest import Expectation
 from slosh_replay.replay.checking import check_result
@@ -86,6 +86,10 @@ class GovernedBag(LiveBag):
             stop_duration=moved.rest, command_age=moved.age, steps=moved.steps,
             commands_taken=moved.commands,
             liquid_stamp=self._types["builtin_interfaces/msg/Time"](sec, nanosec),
+            worst_container=moved.worst, friction_use=moved.friction, tipping_use=moved.tipping,
+            target_velocity=np.array(moved.wanted[0]), target=np.array(moved.wanted[1]),
+            joint_names=[], joint_position=np.empty(0), joint_velocity=np.empty(0),
+            joint_acceleration=np.empty(0),
         )  # fmt: skip
         self._wrong = 0.0
 

@@ -152,7 +152,7 @@ def prepare(request: DiscoveryRequest, tell: Tell) -> PreparedDiscovery:
 def make_report(
     request: DiscoveryRequest, prepared: PreparedDiscovery, finding: Finding, pictures: Pictures
 ) -> DiscoveryReport:
-    """Creates the content of the result page and text.
+    """Creates the content of a discovery's result page and terminal text.
 
     Args:
         request: what was asked.

@@ -89,8 +89,8 @@ class Robot:
         self._rest = self._pin.neutral(self._model)
         self._placed = self._model.frames[self._frame].placement
         self._parent = self._model.frames[self._frame].parentJoint
-        own = [number for number in self._model.supports[self._parent] if number]
-        self._movers = [self._mover(number, error) for number in own]
+        self._carriers = [number for number in self._model.supports[self._parent] if number]
+        self._movers = [self._mover(number, error) for number in self._carriers]
         self.carrying = tuple(dict.fromkeys(mover.joint for mover in self._movers))
         self.beyond = ""
         self._world = self._fixed(world, error) if world in links else None
@@ -220,7 +220,7 @@ def _whole(urdf: str) -> str:
 
 
 def _mimics(urdf: str) -> dict[str, Mimic]:
-    """Returns for each joint that follows another one how it does so."""
+    """Returns multiplier and offset of each joint that follows another joint, by name."""
     found = {}
     for joint in ElementTree.fromstring(urdf).iter("joint"):
         mimic = joint.find("mimic")

@@ -9,7 +9,10 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from enum import Enum
+from functools import cache
 from typing import Final, NamedTuple
+
+from slosh_msgs_py.errors import SloshMessageError
 
 NAMESPACE: Final = "/slosh"
 """The default namespace of a cell."""
@@ -55,12 +58,21 @@ PLANNED_TRAJECTORY: Final = "planned_trajectory"
 DESIRED_TWIST: Final = "desired_twist"
 """Commands of a teleoperation, a jog or a servo for the governor,"""
 DESIRED_POSE: Final = "desired_pose"
-"""or targets; what the governor passes on:"""
+"""or targets,"""
+DESIRED_JOINTS: Final = "desired_joints"
+DESIRED_JOINT_TRAJECTORY: Final = "desired_joint_trajectory"
+DESIRED_JOINT_VALUES: Final = "desired_joint_values"
+"""or targets of the joints; what the governor passes on:"""
+SAFE_JOINTS: Final = "safe_joints"
+SAFE_JOINT_TRAJECTORY: Final = "safe_joint_trajectory"
+SAFE_JOINT_VALUES: Final = "safe_joint_values"
 SAFE_TWIST: Final = "safe_twist"
 GOVERNED_MOTION: Final = "governed_motion"
 """The same with all that is known of it."""
 STOP_TRAJECTORY: Final = "stop_trajectory"
-"""The motion of an emergency stop; latched."""
+"""The motion of an emergency stop; latched,"""
+STOP_JOINT_TRAJECTORY: Final = "stop_joint_trajectory"
+"""and that of the joints, if they are commanded."""
 PREDICTION: Final = "prediction"
 PREDICTION_OUTCOME: Final = "prediction_outcome"
 TRUTH: Final = "cell/truth"
@@ -125,6 +137,8 @@ class Topic(NamedTuple):
         page: whether the operator's page reads it.
         drives: value of the estimator's parameter `input` with which it drives the models; empty:
             it does not.
+        commands: value of the governor's parameter `command` with which it reads commands here;
+            empty: it does not.
     """
 
     name: str
@@ -136,6 +150,7 @@ class Topic(NamedTuple):
     recorded: bool = True
     page: bool = False
     drives: str = ""
+    commands: str = ""
 
     @property
     def is_absolute(self) -> bool:
@@ -159,6 +174,14 @@ class Service(NamedTuple):
 
 _INPUT, _ANSWER, _SHARED = TopicRole.INPUT, TopicRole.ANSWER, TopicRole.SHARED
 _MANY = Publishers.MANY
+_JOINT_COMMANDS = (
+    (DESIRED_JOINTS, SAFE_JOINTS, "sensor_msgs/msg/JointState"),
+    (
+        DESIRED_JOINT_TRAJECTORY, SAFE_JOINT_TRAJECTORY, "trajectory_msgs/msg/JointTrajectory"
+    ),
+    (DESIRED_JOINT_VALUES, SAFE_JOINT_VALUES, "std_msgs/msg/Float64MultiArray"),
+)  # fmt: skip
+"""Commands of joints, what is passed on of them, and the type of both."""
 
 TOPICS: tuple[Topic, ...] = (
     Topic(ACCEL, "geometry_msgs/msg/AccelStamped", _INPUT, remappable=True, drives="accel"),
@@ -176,12 +199,23 @@ TOPICS: tuple[Topic, ...] = (
     Topic(IMAGE_COMPRESSED, "sensor_msgs/msg/CompressedImage", _INPUT, remappable=True),
     Topic(CAMERA_INFO, "sensor_msgs/msg/CameraInfo", _INPUT, remappable=True),
     Topic(PLANNED_TRAJECTORY, "trajectory_msgs/msg/MultiDOFJointTrajectory", _INPUT, _MANY),
-    Topic(DESIRED_TWIST, "geometry_msgs/msg/TwistStamped", _INPUT, remappable=True),
-    Topic(DESIRED_POSE, "geometry_msgs/msg/PoseStamped", _INPUT, remappable=True),
+    Topic(
+        DESIRED_TWIST, "geometry_msgs/msg/TwistStamped", _INPUT, remappable=True, commands="twist"
+    ),
+    Topic(DESIRED_POSE, "geometry_msgs/msg/PoseStamped", _INPUT, remappable=True, commands="pose"),
+    *(
+        Topic(desired, kind, _INPUT, remappable=True, commands=desired.removeprefix("desired_"))
+        for desired, _, kind in _JOINT_COMMANDS
+    ),
+    *(Topic(safe, kind, _ANSWER, remappable=True) for _, safe, kind in _JOINT_COMMANDS),
     Topic(SAFE_TWIST, "geometry_msgs/msg/TwistStamped", _ANSWER, remappable=True),
-    Topic(GOVERNED_MOTION, "slosh_msgs/msg/GovernedMotion", _ANSWER),
+    Topic(GOVERNED_MOTION, "slosh_msgs/msg/GovernedMotion", _ANSWER, page=True),
     Topic(
         STOP_TRAJECTORY, "trajectory_msgs/msg/MultiDOFJointTrajectory", _ANSWER,
+        remappable=True, latched=True,
+    ),
+    Topic(
+        STOP_JOINT_TRAJECTORY, "trajectory_msgs/msg/JointTrajectory", _ANSWER,
         remappable=True, latched=True,
     ),
     Topic(FREE_SURFACE, "slosh_msgs/msg/FreeSurface", _ANSWER, remappable=True, page=True),
@@ -238,10 +272,56 @@ ACTIONS: tuple[Service, ...] = (
 )
 DRIVING: Mapping[str, Topic] = {row.drives: row for row in TOPICS if row.drives}
 """Topics that can drive the models, by the value of the estimator's parameter `input`."""
+COMMANDING: Mapping[str, Topic] = {row.commands: row for row in TOPICS if row.commands}
+"""Topics of commands, by the value of the governor's parameter `command`."""
+
+
+PER_CONTAINER = (FREE_SURFACE, COMPARISON, IMAGE, IMAGE_COMPRESSED, CAMERA_INFO)
+"""Topics that each container of a tray with a camera of its own has; see `of_container`."""
+
+
+def of_container(name: str, container: str) -> str:
+    """Returns the topic of a container behind a tray's first.
+
+    >>> of_container("camera/image_raw", "right")
+    'camera_right/image_raw'
+
+    Args:
+        name: of the first container's topic, one of PER_CONTAINER.
+        container: name of the other one; empty: the first.
+
+    Raises:
+        SloshMessageError: no topic can carry that name.
+    """
+    if not re.fullmatch(r"\w*", container, re.ASCII):
+        raise SloshMessageError(
+            f"camera of container {container!r:.60}: topics carry the container's name: rename it "
+            "in tray.yaml to letters, digits and '_'"
+        )
+    first, slash, rest = name.partition("/")
+    return f"{first}_{container}{slash}{rest}" if container else name
+
+
+def _of_some_container(name: str) -> str:
+    """Returns a regular expression for a topic of the first or of any other container."""
+    first, slash, rest = name.partition("/")
+    other = r"(?:_\w+)?" if name in PER_CONTAINER else ""
+    return f"{re.escape(first)}{other}{re.escape(slash + rest)}"
+
+
+@cache
+def row_of(name: str) -> Topic | None:
+    """Returns the row of a relative topic name, also of one of another container; None: no row."""
+    fitting = (
+        row
+        for row in TOPICS
+        if not row.is_absolute and re.fullmatch(_of_some_container(row.name), name)
+    )
+    return next(fitting, None)
 
 
 class CellName(NamedTuple):
-    """A full topic name, resolved to one of the cell's own topics.
+    """A full topic name and the entry of the project's topic table to which it belongs.
 
     Attributes:
         namespace: of the cell; empty: the root.
@@ -261,7 +341,10 @@ class CellName(NamedTuple):
             return self.topic.role is TopicRole.INPUT
         folder = self.name.partition("/")[0]
         return any(
-            row.role is TopicRole.INPUT and row.name.startswith(f"{folder}/") for row in TOPICS
+            row.role is TopicRole.INPUT
+            and "/" in row.name
+            and re.fullmatch(_of_some_container(row.name).partition("/")[0], folder)
+            for row in TOPICS
         )
 
 
@@ -289,11 +372,11 @@ def cell_name(topic: str, message_type: str = "") -> CellName | None:
     Returns:
         None: it is no topic of a cell.
     """
-    rows = {row.name: row for row in TOPICS if not row.is_absolute}
-    found = re.fullmatch(f"(.*?)/({'|'.join(map(re.escape, rows))})", topic)
-    if found is not None:
-        row = rows[found[2]]
+    names = [row.name for row in TOPICS if not row.is_absolute]
+    found = re.fullmatch(f"(.*?)/({'|'.join(map(_of_some_container, names))})", topic)
+    row = row_of(found[2]) if found is not None else None
+    if found is not None and row is not None:
         return CellName(found[1], found[2], row) if message_type in ("", row.type) else None
-    folders = sorted({name.partition("/")[0] for name in rows if "/" in name})
+    folders = sorted({name.partition("/")[0] for name in names if "/" in name})
     found = re.fullmatch(f"(.*?)/((?:{'|'.join(map(re.escape, folders))})/.+)", topic)
     return CellName(found[1], found[2], None) if found is not None else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -19,6 +19,25 @@ JUMP = 1.5 * np.pi
 """No joint with stops turns so far from one point to the next [rad]: its angle wraps."""
 
 
+class Link(NamedTuple):
+    """A joint of a chain, with the link behind it.
+
+    Attributes:
+        joint: whose position it follows, by multiplier · position + offset.
+        multiplier, offset: of that position [1, rad or m].
+        slides: whether it slides along its axis; otherwise it turns about it.
+        axis: (3,) in its own frame.
+        placement: (12,) rotation by rows and translation [m] from the joint before it.
+    """
+
+    joint: str
+    multiplier: float
+    offset: float
+    slides: bool
+    axis: Array
+    placement: Array
+
+
 class Arm(Robot):
     """A robot that carries the container, for planning.
 
@@ -27,13 +46,24 @@ class Arm(Robot):
         tool_frame: link whose origin is the container's, in the centre of the still free surface,
             with z along the container's axis.
         name: of the description, for messages.
+        group: joints that move; others that carry the container are held where they are not given.
+            Empty: all joints that carry the container move.
+
+    Attributes:
+        held: names of the joints that carry the container and are not in the group.
 
     Raises:
         SloshPlanError: Pinocchio is missing, no such description, no such link.
     """
 
-    def __init__(self, urdf: str, tool_frame: str, name: str = "URDF") -> None:
+    def __init__(
+        self, urdf: str, tool_frame: str, name: str = "URDF", group: Sequence[str] = ()
+    ) -> None:
         super().__init__(urdf, tool_frame, name=name, error=SloshPlanError)
+        self.held = tuple(one for one in self.carrying if one not in group) if group else ()
+        limits = self.limits(self.held)
+        bounds = zip(self.held, limits["lower"], limits["upper"], strict=True)
+        self._rests = tuple(joint for joint, lower, upper in bounds if lower <= 0.0 <= upper)
 
     def motion(
         self,
@@ -151,6 +181,51 @@ class Arm(Robot):
         found[1:, 3:] *= np.cumprod(np.where(signs < 0.0, -1.0, 1.0))[:, None]
         return found[:, :3], found[:, 3:]
 
+    def chain(self) -> tuple[list[Link], Array]:
+        """Returns the joints that carry the link, from the root on, and the link behind them.
+
+        Returns:
+            joints; and (12,) rotation by rows and translation from the last of them to the link.
+        """
+        found = []
+        for number, mover in zip(self._carriers, self._movers, strict=True):
+            joint = self._model.joints[number]
+            state = joint.createData()
+            joint.calc(state, self._rest)
+            moves = np.asarray(state.S, dtype=np.float64).ravel()
+            slides = bool(moves[:3].any())
+            found.append(
+                Link(
+                    mover.joint, mover.multiplier, mover.offset, slides,
+                    moves[:3] if slides else moves[3:],
+                    _flat(self._model.jointPlacements[number]),
+                )
+            )  # fmt: skip
+        return found, _flat(self._placed)
+
+    def tip(
+        self, joints: Sequence[str], position: Array, velocity: Array, acceleration: Array
+    ) -> Array:
+        """Returns position, velocity and acceleration (3, 3) of the container's origin.
+
+        Args:
+            joints: (J,) names.
+            position, velocity, acceleration: (J,) [rad or m, per second, …].
+        """
+        states = [np.atleast_2d(one) for one in (position, velocity, acceleration)]
+        pin, model, data = self._pin, self._model, self._data
+        (q,) = self._configurations(joints, states[0])
+        v, a = np.zeros(model.nv), np.zeros(model.nv)
+        for mover, column in self._columns(joints):
+            v[mover.rate_at] = mover.multiplier * velocity[column]
+            a[mover.rate_at] = mover.multiplier * acceleration[column]
+        pin.forwardKinematics(model, data, q, v, a)
+        world = pin.LOCAL_WORLD_ALIGNED
+        place = pin.updateFramePlacement(model, data, self._frame).translation
+        rate = pin.getFrameVelocity(model, data, self._frame, world).linear
+        change = pin.getFrameClassicalAcceleration(model, data, self._frame, world).linear
+        return np.array([place, rate, change])
+
     def torque_terms(
         self, joints: Sequence[str], position: Array, slope: Array, bend: Array
     ) -> Array:
@@ -191,6 +266,8 @@ class Arm(Robot):
             if model.existJointName(name)
         ]
         rest = self._pin.neutral(model)
+        for mover in self._movers:
+            mover.put(rest, 0.0)
         for row in position:
             q = rest.copy()
             for column, place in places:
@@ -234,9 +311,10 @@ class Arm(Robot):
             if joints.count(joint) > 1:
                 raise SloshPlanError(f"{name}: joint {joint!r} appears twice")
         for joint in self.carrying:
-            if joint not in joints:
+            if joint not in joints and joint not in self._rests:
+                held = "; it is not in the group and cannot be held at 0" * (joint in self.held)
                 raise SloshPlanError(
-                    f"{name}: joint {joint!r} carries the container and is missing"
+                    f"{name}: joint {joint!r} carries the container and is missing{held}"
                 )
 
     def _moved(
@@ -261,6 +339,11 @@ class Arm(Robot):
             found[row, 7:10] = felt.linear
             found[row, 10:] = pin.getFrameVelocity(model, data, self._frame, local).angular
         return Trajectory(t, found[:, 7:10], found[:, 3:7], found[:, 10:], found[:, :3], name)
+
+
+def _flat(placement: Any) -> Array:
+    """Returns the (12,) rotation by rows and translation of a placement of Pinocchio's."""
+    return np.concatenate([np.asarray(placement.rotation).ravel(), placement.translation])
 
 
 def _checked(

@@ -139,6 +139,13 @@ class PlanTuning:
     governor_past: int = number(256, "1", "steps that an observed state may be behind")
     governor_stddevs: float = number(4.0, "σ", "by which an observed height is raised")
     governor_pull: float = number(4.0, "1/s", "speed towards a target by the distance")
+    governor_beyond: float = number(
+        0.1, "rad", "joint target so far beyond its limits is taken as at them"
+    )
+    governor_slack: float = number(0.01, "1", "part of a joint's velocity limit that is left")
+    governor_moved: float = number(
+        0.01, "rad", "joint that was moved so far by others begins anew"
+    )
     # consistency.py
     window: float = number(0.1, "s", "window over which two fields are compared")
     window_samples: int = number(4, "1", "sampling intervals of that window, at least")

@@ -103,18 +103,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     mae = parser.add_argument(
         "--mae", dest="sigma", type=ERROR, metavar="M",
         help="mean absolute error (MAE) of the model, as reported by slosh replay [m]; the upper "
-        "end of the height's interval then stays below the limits",
+        "end of the 95 %% interval of the heights then stays below the limits",
     )  # fmt: skip
     old_name(parser, mae, "--sigma")
     parser.add_argument(
         "--epsilon", type=FRACTION, metavar="E",
         help="relative error of the model's maximum height, a fraction reported by slosh replay; "
-        "widens the height's interval in addition to --mae",
+        "widens the 95 %% interval of the heights in addition to --mae",
     )  # fmt: skip
     parser.add_argument(
         "--error", type=Path, nargs="+", action="extend", metavar="RESULT.json",
         help="read MAE and epsilon from results of slosh replay -o, demo or cell; the "
-        "largest values are used",
+        "largest values count as --mae and --epsilon",
     )  # fmt: skip
     parser.add_argument(
         "--robust", action="store_true",
@@ -209,7 +209,7 @@ def model_error(arguments: argparse.Namespace, model: str) -> ModelError | None:
 def write_results(
     arguments: argparse.Namespace, model: Model, answer: Plan, asked: AskedPath
 ) -> None:
-    """Writes the requested motion file and page: both, or neither if one fails."""
+    """Writes the requested motion file and HTML page: both, or neither if one fails."""
     with ExitStack() as stack:
         if arguments.report is not None:
             # It loads the templates: a plan without a page does without.

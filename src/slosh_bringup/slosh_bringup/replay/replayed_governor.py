@@ -1,24 +1,23 @@
-"""Replays the governor node step by step, from recorded commands and fused estimates."""
+"""Replays the governor node step by step, from the commands and fused estimates that it took."""
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from slosh_base.files.nanoseconds import SECOND
-from slosh_msgs_py.topics import (
-    DESIRED_POSE,
-    DESIRED_TWIST,
-    FUSED_ESTIMATE,
-    GOVERNED_MOTION,
-    TOPICS,
-)
+from slosh_model.tray import TRAY, parse_tray
+from slosh_msgs_py.topics import FUSED_ESTIMATE, GOVERNED_MOTION, TOPICS
 from slosh_plan.governor import Command, Governed, Governor, SeenLiquid, StopReason
-from slosh_plan.governor.parameters import governor_of, velocity_command
-from slosh_replay.recording.settings import model_of
+from slosh_plan.governor.parameters import arm_of, governor_of
+from slosh_plan.joints import Arm
+from slosh_plan.planning.joint_limits import parse_joint_limits
+from slosh_plan.robot_file import CarryingRobot
+from slosh_replay.recording.settings import NodeStart, model_of
 from slosh_replay.replay.nodes import Moment, NodeTopic, ReplayedNode, Setting, recorded_name
 from slosh_replay.replay.verification import Messages
 
@@ -28,23 +27,34 @@ _VECTORS = ("velocity", "acceleration", "position")
 _NUMBERS = {
     "share": "share", "state": "state", "reason": "reason", "safe": "safe", "peak": "peak",
     "margin": "margin", "limit": "limit", "stop_duration": "rest", "command_age": "age",
-    "steps": "steps", "commands_taken": "commands",
+    "steps": "steps", "commands_taken": "commands", "friction_use": "friction",
+    "tipping_use": "tipping",
 }  # fmt: skip
 """Fields of GovernedMotion.msg by the attributes of Governed."""
-STEPS, TAKEN, REASON = "steps", "commands_taken", "reason"
+MOST = 8
+"""Joints that are compared, at most."""
+_ROWS = {
+    "joint_velocity": ("joints", 0), "joint_acceleration": ("joints", 1),
+    "joint_position": ("joints", 2), "target_velocity": ("wanted", 0), "target": ("wanted", 1),
+}  # fmt: skip
+"""Sequences of GovernedMotion.msg by the attributes of Governed and their rows."""
+STEPS, TAKEN, REASON, AGE = "steps", "commands_taken", "reason", "command_age"
 LIQUID = ("liquid_stamp.sec", "liquid_stamp.nanosec")
-_FIELDS = (*(f"{name}[{k}]" for name in _VECTORS for k in range(3)), *_NUMBERS)
-_TWIST = tuple(f"twist.{part}.{axis}" for part in ("linear", "angular") for axis in "xyz")
-_PLACE = tuple(f"pose.position.{axis}" for axis in "xyz")
+_FIELDS = (
+    *(f"{name}[{k}]" for name in _VECTORS for k in range(3)), *_NUMBERS,
+    *(f"{name}[{k}]" for name in _ROWS for k in range(MOST)),
+)  # fmt: skip
 
 
 class _FromTheStart:
-    """Selects recorded steps that follow a start without a gap; others have no known state."""
+    """Selects the recorded governor steps that follow its start without a gap."""
 
     def __init__(self) -> None:
         self._last = -1
 
     def __call__(self, messages: Messages) -> Messages:
+        if not len(messages.stamps):
+            return messages
         kept = np.zeros(len(messages.stamps), dtype=bool)
         for row, step in enumerate(messages.columns[STEPS].astype(np.int64).tolist()):
             kept[row] = step == 1 or (self._last > 0 and step == self._last + 1)
@@ -57,10 +67,6 @@ def governor_row() -> ReplayedNode:
     return ReplayedNode(
         NODE,
         ReplayedGovernor,
-        inputs=(
-            NodeTopic(DESIRED_TWIST, _TYPES[DESIRED_TWIST], _TWIST),
-            NodeTopic(DESIRED_POSE, _TYPES[DESIRED_POSE], _PLACE),
-        ),
         outputs=(
             NodeTopic(
                 GOVERNED_MOTION, _TYPES[GOVERNED_MOTION], (*_FIELDS, *LIQUID),
@@ -69,6 +75,39 @@ def governor_row() -> ReplayedNode:
         ),
         needs_recorded=True,
     )  # fmt: skip
+
+
+class _Step(NamedTuple):
+    """What a recorded step tells of its inputs.
+
+    Attributes:
+        stamp_ns: of the step [ns].
+        step, taken: numbers of steps and commands.
+        reason: why it stops.
+        liquid_ns: stamp of the last fused estimate [ns].
+        age: of the command in force [s].
+        velocity, target: of the last command; NaN: not given.
+        places: joint positions.
+    """
+
+    stamp_ns: int
+    step: int
+    taken: int
+    reason: int
+    liquid_ns: int
+    age: float
+    velocity: tuple[float, ...]
+    target: tuple[float, ...]
+    places: tuple[float, ...]
+
+    def command(self, size: int) -> Command:
+        """Returns the last command, of a number of coordinates."""
+        sent = 0 if math.isnan(self.age) else self.stamp_ns - round(self.age * SECOND)
+        velocity, target = self.velocity[:size], self.target[:size]
+        if not any(map(math.isnan, target)):
+            given = () if any(map(math.isnan, velocity)) else velocity
+            return Command(sent, given, target)
+        return Command(sent, velocity)
 
 
 class ReplayedGovernor:
@@ -80,80 +119,86 @@ class ReplayedGovernor:
 
     def __init__(self, setting: Setting) -> None:
         self._starts = deque(one for one in setting.starts if one.node == NODE and not one.changed)
-        self._known = _FromTheStart()
-        self._waiting: deque[tuple[int, ...]] = deque()
+        self._start: NodeStart | None = None
         self._governor: Governor | None = None
-        self._pose = False
-        self._commands: deque[Command] = deque()
         self._liquids: deque[SeenLiquid] = deque()
-        self._taken = self._liquid_ns = self._begun_ns = 0
+        self._liquid_ns, self._last = 0, -1
+        self._places: tuple[float, ...] = ()
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
         """Processes commands and states of the liquid; returns the replayed steps."""
-        self._hear(moment)
-        recorded = self._known(moment.messages[recorded_name(GOVERNED_MOTION)])
-        if len(recorded.stamps):
-            names = (STEPS, TAKEN, REASON, *LIQUID)
-            columns = [recorded.columns[name].astype(np.int64).tolist() for name in names]
-            self._waiting.extend(zip(recorded.stamps.tolist(), *columns, strict=True))
-        moved = []
-        while self._waiting:
-            stamp_ns, step, taken, reason, *liquid = self._waiting[0]
-            if step == 1 and self._begun_ns != stamp_ns:
-                self._begin(stamp_ns)
-            # A command whose sender's clock is ahead comes later.
-            if taken - self._taken > len(self._commands) and not moment.final:
-                break
-            self._waiting.popleft()
-            if self._governor is not None:
-                moved.append(self._step(stamp_ns, taken, reason, liquid[0] * SECOND + liquid[1]))
-        return {GOVERNED_MOTION: _messages(moved)} if moved else {}
-
-    def _hear(self, moment: Moment) -> None:
-        twists = moment.messages[DESIRED_TWIST]
-        if len(twists.stamps):
-            rows = np.column_stack([twists.columns[name] for name in _TWIST]).tolist()
-            for stamp_ns, row in zip(twists.stamps.tolist(), rows, strict=True):
-                self._commands.append(velocity_command(stamp_ns, tuple(row[:3]), tuple(row[3:])))
-        poses = moment.messages[DESIRED_POSE]
-        if len(poses.stamps):
-            rows = np.column_stack([poses.columns[name] for name in _PLACE]).tolist()
-            for stamp_ns, (x, y, z) in zip(poses.stamps.tolist(), rows, strict=True):
-                self._commands.append(Command(stamp_ns, target=(x, y, z)))
         seen = moment.messages.get(recorded_name(FUSED_ESTIMATE))
         if seen is not None and len(seen.stamps):
             self._liquids.extend(_liquids(seen))
+        moved = []
+        for step in _steps(moment.messages[recorded_name(GOVERNED_MOTION)]):
+            if step.step == 0:
+                self._places = step.places
+            if step.step == 1:
+                self._begin(step)
+            known = step.step == 1 or (self._last > 0 and step.step == self._last + 1)
+            self._last = step.step if known else -1
+            if known and self._governor is not None:
+                moved.append(self._follow(step, self._governor))
+        return {GOVERNED_MOTION: _messages(moved)} if moved else {}
 
-    def _begin(self, stamp_ns: int) -> None:
-        """Creates the governor at the next start of its process or for another container."""
-        self._begun_ns = stamp_ns
-        if not self._starts:
-            return
-        start = self._starts.popleft()
-        if start.is_process and self._governor is not None:
-            self._taken = 0
-            while self._commands and self._commands[0].stamp_ns < stamp_ns:
-                self._commands.popleft()
-        model = model_of(start)
-        self._governor = None if model is None else governor_of(model, start.parameters)
+    def _begin(self, step: _Step) -> None:
+        """Creates the governor at a start of its process, or where it began anew."""
+        while self._starts and self._starts[0].stamp_ns <= step.stamp_ns:
+            self._start = self._starts.popleft()
+            if self._starts and not self._starts[0].stamp_ns:
+                break  # the next process
+        self._governor, self._liquid_ns = None, 0
+        if self._start is not None:
+            self._governor = _governor_of(self._start, self._places)
 
-    def _step(self, stamp_ns: int, taken: int, reason: int, liquid_ns: int) -> Governed:
-        governor = self._governor
-        assert governor is not None
-        while self._taken < taken and self._commands:
-            governor.take(self._commands.popleft())
-            self._taken += 1
-        if liquid_ns > self._liquid_ns:
-            while self._liquids and self._liquids[0].stamp_ns < liquid_ns:
+    def _follow(self, step: _Step, governor: Governor) -> Governed:
+        while governor.commands < step.taken:
+            governor.take(step.command(len(governor.place)))
+        if step.liquid_ns > self._liquid_ns:
+            while self._liquids and self._liquids[0].stamp_ns < step.liquid_ns:
                 self._liquids.popleft()
-            if self._liquids and self._liquids[0].stamp_ns == liquid_ns:
+            if self._liquids and self._liquids[0].stamp_ns == step.liquid_ns:
                 governor.see(self._liquids.popleft())
-        self._liquid_ns = liquid_ns
-        if reason == StopReason.REQUESTED:
+        self._liquid_ns = step.liquid_ns
+        if step.reason == StopReason.REQUESTED:
             governor.stop()
         else:
             governor.release()
-        return governor.step(stamp_ns)
+        return governor.step(step.stamp_ns)
+
+
+def _governor_of(start: NodeStart, places: tuple[float, ...]) -> Governor:
+    """Creates the governor of a recorded start."""
+    model, files = model_of(start), start.files
+    arm = None
+    if "urdf" in files:
+        link = Arm(files["urdf"], start.parameters["tool_frame"])
+        limits = files.get("joint_limits", "")
+        robot = CarryingRobot(link, parse_joint_limits(limits) if limits else {})
+        arm = arm_of(robot, places[: len(link.carrying)], start.parameters)
+    tray = parse_tray(files[TRAY]) if TRAY in files else None
+    held = tray if tray is not None and tray.present else model
+    return governor_of(held, start.parameters, arm)
+
+
+def _steps(recorded: Messages) -> list[_Step]:
+    if not len(recorded.stamps):
+        return []
+    columns = recorded.columns
+    sec, nanosec = (columns[name].astype(np.int64) for name in LIQUID)
+    whole = [columns[name].astype(np.int64).tolist() for name in (STEPS, TAKEN, REASON)]
+    rows = [
+        np.column_stack([columns[f"{name}[{k}]"] for k in range(MOST)]).tolist()
+        for name in ("target_velocity", "target", "joint_position")
+    ]
+    return [
+        _Step(*numbers, *map(tuple, vectors))
+        for *numbers, vectors in zip(
+            recorded.stamps.tolist(), *whole, (sec * SECOND + nanosec).tolist(),
+            columns[AGE].tolist(), zip(*rows, strict=True), strict=True,
+        )
+    ]  # fmt: skip
 
 
 def _liquids(seen: Messages) -> list[SeenLiquid]:
@@ -184,4 +229,10 @@ def _messages(moved: list[Governed]) -> Messages:
     }
     for field, name in _NUMBERS.items():
         columns[field] = np.array([getattr(one, name) for one in moved])
+    for field, (name, row) in _ROWS.items():
+        found = np.full((len(moved), MOST), np.nan)
+        for place, one in enumerate(moved):
+            values = getattr(one, name)[row] if getattr(one, name) else ()
+            found[place, : len(values)] = values
+        columns |= {f"{field}[{k}]": found[:, k] for k in range(MOST)}
     return Messages(np.array([one.stamp_ns for one in moved], dtype=np.int64), columns)

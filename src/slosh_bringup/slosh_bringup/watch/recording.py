@@ -1,10 +1,10 @@
-"""Converts a recording to the page updates that a live viewer would have received."""
+"""Converts a recording to the watch-page updates that a live viewer would have received."""
 
 from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,11 @@ HEIGHTS = {
 }
 """Topics without one of which nothing of a cell is in a bag, and their types."""
 BESIDE = {name: row.type for name, row in _PAGE.items() if name not in HEIGHTS}
+FREQUENT: Mapping[str, Callable[[WatchState, Any, float], None]] = {
+    topics.ESTIMATE: hearing.hear_estimate,
+    topics.GOVERNED_MOTION: hearing.hear_governed,
+}
+"""Topics with up to a thousand messages per second."""
 MOST = 36_000
 """Frames that are kept: an hour."""
 STEP = round(PERIOD * SECOND)
@@ -42,7 +47,7 @@ rest [m]."""
 
 
 class RecordedFrames:
-    """Sequence of page updates made from a bag.
+    """Sequence of watch-page updates made from a bag.
 
     Args:
         bag: the bag.
@@ -73,12 +78,12 @@ class RecordedFrames:
         self.start = max(first_happening(self.frames) - BEFORE, 0)
 
     def about(self) -> dict[str, Any]:
-        """Returns what the page must know before it requests updates."""
+        """Returns what the watch page must know before it requests updates from a recording."""
         facts = {"name": self._bag.name, "frames": len(self.frames), "period": PERIOD}
         return {**facts, "start": self.start}
 
     def picture(self, frame: int) -> bytes | None:
-        """Returns the camera image and header for a page update, or None if there is no image."""
+        """Returns camera image and header for a watch-page update, or None if it has no image."""
         surface = self._surfaces[frame] if 0 <= frame < len(self._surfaces) else None
         if surface is None:
             return None
@@ -92,7 +97,7 @@ class RecordedFrames:
 
 
 def first_happening(frames: Sequence[str]) -> int:
-    """Returns the index of the first limit event, else of the first motion, else 0.
+    """Returns the index of the image with the first limit event, else the first motion, else 0.
 
     Args:
         frames: of a recording, as JSON.
@@ -115,7 +120,7 @@ class _Listener:
         self.camera = Camera()
         self._state = WatchState(f"slosh discover {bag} --model MODEL -o out/why")
         self._surface: Any = None
-        self._estimate: BagMessage | None = None
+        self._frequent: dict[str, BagMessage] = {}
         cell = CellTopics(reader.topics())
         self._namespace = cell.cells[0] if cell.cells else topics.NAMESPACE
         wanted = (HEIGHTS | BESIDE).items()
@@ -128,7 +133,7 @@ class _Listener:
             )
 
     def frames(self) -> Iterator[tuple[str, Any]]:
-        """Yields page updates, each with the newest measured surface."""
+        """Yields watch-page updates, each with the newest measured surface."""
         end_ns = None
         for message in self.reader.messages(self._names):
             name = self._names[message.topic]
@@ -144,8 +149,8 @@ class _Listener:
 
     def _hear(self, name: str, message: BagMessage) -> None:
         now = message.log_ns * 1e-9
-        if name == "estimate":
-            self._estimate = message  # of a thousand a second the last before a frame is decoded
+        if name in FREQUENT:  # of a thousand a second the last before a frame is decoded
+            self._frequent[name] = message
             return
         decoded = self.reader.decode(message)
         if name == "comparison":
@@ -168,8 +173,8 @@ class _Listener:
 
     def _frame(self, now_ns: int) -> tuple[str, Any]:
         now = now_ns * 1e-9
-        if self._estimate is not None:
+        for name, message in self._frequent.items():
             with contextlib.suppress(SloshBagError):
-                hearing.hear_estimate(self._state, self.reader.decode(self._estimate), now)
-            self._estimate = None
+                FREQUENT[name](self._state, self.reader.decode(message), now)
+        self._frequent.clear()
         return self._state.frame(now), self._surface

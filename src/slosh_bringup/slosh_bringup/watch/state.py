@@ -1,4 +1,4 @@
-"""Collects the messages of a cell's topics and makes updates for its page.
+"""Collects the messages of a cell's topics and makes updates for its watch page.
 
 A frame holds what is new since the one before it, and what is true now. Heights are in metres,
 azimuths in radians, times in seconds from the first stamp; NaN is null. Time is an argument: live
@@ -93,6 +93,15 @@ class CalmNews(NamedTuple):
     wait: float
 
 
+class GovernorNews(NamedTuple):
+    """Displayed fields of a GovernedMotion: followed share of the command, state and reason."""
+
+    share: float
+    state: int
+    reason: int
+    safe: bool
+
+
 class LimitNews(NamedTuple):
     """Displayed fields of a LimitEvent."""
 
@@ -105,7 +114,7 @@ class LimitNews(NamedTuple):
 
 
 class WatchState:
-    """Collects a cell's messages and makes updates for its page.
+    """Collects a cell's messages and makes updates for its watch page.
 
     Args:
         command: the command that finds why the two sides disagree; empty: none fits.
@@ -126,6 +135,7 @@ class WatchState:
         self._estimated: Estimated | None = None
         self._fused: deque[Fused] = deque(maxlen=KEPT_FUSED)
         self._calm: tuple[CalmNews, float] | None = None
+        self._governor: tuple[GovernorNews, float] | None = None
         self._settings = MonitorSettings()
         self._wall: Wall | None = None
         self._container: dict[str, Any] = {}
@@ -158,12 +168,16 @@ class WatchState:
             self._add(estimated.stamp_ns, math.nan, estimated.height)
 
     def take_fused(self, fused: Fused) -> None:
-        """Stores a fused estimate, to be drawn at the times of the other heights."""
+        """Stores a fused estimate, to be drawn at the stamps of measured or estimated heights."""
         self._fused.append(fused)
 
     def take_calm(self, calm: CalmNews, now: float) -> None:
         """Stores a calm state that was received at a monotonic time [s]."""
         self._calm = calm, now
+
+    def take_governor(self, news: GovernorNews, now: float) -> None:
+        """Stores the governor's newest step, which was received at a monotonic time [s]."""
+        self._governor = news, now
 
     def take_event(self, event: LimitNews) -> None:
         """Stores the start or end of a limit violation."""
@@ -178,7 +192,7 @@ class WatchState:
     def take_parameters(
         self, node: str, parameters: Mapping[str, Any], *, goes_on: bool = False
     ) -> None:
-        """Stores the monitor's limits; a restarted monitor has no exceeded limits.
+        """Stores the monitor's limits; after its restart, no limit counts as exceeded.
 
         Args:
             node: its name.
@@ -192,10 +206,13 @@ class WatchState:
         self._settings = MonitorSettings.from_told(parameters)
 
     def take_container(self, container: Container) -> None:
-        """Stores the container's side view and the height of its rim, for drawing."""
+        """Stores the container's views and the height of its rim, for drawing."""
         self._wall = container.wall
-        outline = np.round(container.silhouette, 5).tolist()
-        self._container = {"outline": outline, "rim": container.freeboard}
+        along, across = (np.round(container.side_view(axis), 5).tolist() for axis in (0, 1))
+        plan = np.round(container.corners * container.reaches, 5).tolist()
+        self._container = {"outline": along, "rim": container.freeboard, "plan": plan}
+        if across != along:
+            self._container["across"] = across
 
     def take_report(self, report: NodeReport, now: float) -> None:
         """Stores a node's diagnostics; the number of unknown nodes is limited."""
@@ -205,7 +222,7 @@ class WatchState:
         self._nodes[report.node] = (report, now)
 
     def frame(self, now: float) -> str:
-        """Returns the next page update as JSON; call it every PERIOD."""
+        """Returns the next update of the watch page as JSON; call it every PERIOD seconds."""
         compared = self._compared
         exceeded = "; ".join(event.description for event in self._open.values())
         judgement = judge(
@@ -225,7 +242,8 @@ class WatchState:
             "rows": [[None if v != v else round(v, 7) for v in row] for row in rows],
             "now": self._now(now),
             "surface": self._shown_surface(now),
-            "calm": self._shown_calm(now),
+            "calm": self._shown_news(self._calm, now),
+            "governor": self._shown_news(self._governor, now),
         }
         if self._count % SLOW == 0:
             frame |= {"limits": self._shown_limits(), "nodes": self._shown_nodes(now)}
@@ -279,11 +297,11 @@ class WatchState:
         """Whether the newest estimate is recent enough to be shown."""
         return now - self._estimated_at <= ALONE
 
-    def _shown_calm(self, now: float) -> dict[str, Any]:
-        """Returns the newest calm state for display; empty if none was received recently."""
-        if self._calm is None or now - self._calm[1] > ALONE:
-            return {}
-        return self._calm[0]._asdict()
+    def _shown_news(
+        self, news: tuple[CalmNews | GovernorNews, float] | None, now: float
+    ) -> dict[str, Any]:
+        """Returns the newest message of a topic for display; empty if it is not recent."""
+        return {} if news is None or now - news[1] > ALONE else news[0]._asdict()
 
     def _shown_surface(self, now: float) -> dict[str, Any]:
         surface, estimated = self._surface, self._estimated

@@ -1,18 +1,20 @@
 """Streaming governor: limits commanded motions in real time so that the liquid stays safe."""
 
-from slosh_plan.governor.governor import (
+from slosh_plan.governor.commands import (
     Command,
     Governed,
-    Governor,
     GovernorState,
     ModelDoubt,
     SeenLiquid,
     StopReason,
 )
+from slosh_plan.governor.governor import Governor
+from slosh_plan.governor.robot_arm import GovernedArm
 
 __all__ = [
     "Command",
     "Governed",
+    "GovernedArm",
     "Governor",
     "GovernorState",
     "ModelDoubt",

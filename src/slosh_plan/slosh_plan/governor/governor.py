@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, replace
-from enum import IntEnum
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,9 +13,19 @@ from slosh_model import kernel as model_kernel
 from slosh_model.indices import POSE_COUNT
 from slosh_model.layout import MODAL, divided
 from slosh_model.model import Model
-from slosh_model.simulate import store_of
+from slosh_model.tray import Tray, TrayContainer
 from slosh_plan.errors import SloshPlanError
-from slosh_plan.governor import kernel
+from slosh_plan.governor import cups as containers
+from slosh_plan.governor import kernel, layout
+from slosh_plan.governor.commands import (
+    Command,
+    Governed,
+    GovernorState,
+    ModelDoubt,
+    SeenLiquid,
+    StopReason,
+)
+from slosh_plan.governor.robot_arm import NO_JOINTS, GovernedArm
 from slosh_plan.heights import first_period
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.trajectory import FARTHEST
@@ -27,129 +34,7 @@ from slosh_plan.tuning import TUNING
 MOST_STEPS = 10_000
 PERIODS = (1e-3, 0.05)
 """Shortest and longest time of a step [s]."""
-
-
-class GovernorState(IntEnum):
-    """What the governor does with the command; the values of GovernedMotion.msg."""
-
-    FOLLOWING = 0
-    LIMITED = 1
-    STOPPING = 2
-    RESTING = 3
-
-
-class StopReason(IntEnum):
-    """Reason why the governor stops; values are those of GovernedMotion.msg."""
-
-    NONE = 0
-    SILENT = 1
-    INVALID = 2
-    LATE = 3
-    REQUESTED = 4
-
-
-class Command(NamedTuple):
-    """A commanded motion of the container.
-
-    Attributes:
-        stamp_ns: when it was sent [ns]; 0: unknown.
-        velocity: x, y, z of the container's origin in the world's axes [m/s]; of a target as it
-            is approached: the governor computes it.
-        target: x, y, z of a place to go to [m]; None: the velocity is commanded. At the first
-            target of a run the container is there.
-    """
-
-    stamp_ns: int
-    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    target: tuple[float, float, float] | None = None
-
-
-class SeenLiquid(NamedTuple):
-    """State of the liquid as an observer estimates it.
-
-    Attributes:
-        stamp_ns: the moment [ns].
-        modal: (modes, 4) x, y, vx, vy of each mode's mass in the NL model [m, m/s].
-        stddev: standard deviation of its height [m].
-        frequency_factor: natural frequency over the model's, of which heights by displacement
-            are the square.
-    """
-
-    stamp_ns: int
-    modal: Array
-    stddev: float
-    frequency_factor: float = 1.0
-
-
-@dataclass(frozen=True, slots=True)
-class ModelDoubt:
-    """Largest deviation of the liquid from the model that the governor allows for.
-
-    >>> from slosh_plan.governor import ModelDoubt
-    >>> ModelDoubt(frequency=0.03, damping=2.0).factors[0]
-    (1.0, 1.0)
-
-    Attributes:
-        frequency: relative error of the natural frequencies, to either side.
-        damping: factor by which the damping ratios may be larger or smaller.
-
-    Raises:
-        SloshPlanError: an impossible value.
-    """
-
-    frequency: float = 0.03
-    damping: float = 2.0
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.frequency <= 0.3:
-            raise SloshPlanError(f"frequency error = {self.frequency!r} must lie in 0 … 0.3")
-        if not 1.0 <= self.damping <= 10.0:
-            raise SloshPlanError(f"damping factor = {self.damping!r} must lie in 1 … 10")
-
-    @property
-    def factors(self) -> tuple[tuple[float, float], ...]:
-        """Factors of frequency and damping for each of the models, the nominal one first."""
-        e, d = self.frequency, self.damping
-        count = kernel.LIGHT - 1
-        light = [(1.0 + e * (2.0 * k / count - 1.0), 1.0 / d) for k in range(count + 1)]
-        return ((1.0, 1.0), *light, (1.0, d))
-
-
-class Governed(NamedTuple):
-    """The container's motion at the next step, with the governor's state and heights.
-
-    Attributes:
-        stamp_ns: of the step [ns]; the motion is that of one period later.
-        velocity, acceleration: (3,) of the container's origin in the world's axes [m/s, m/s²].
-        position: (3,) since the start [m].
-        share: of the command that is followed, 0 … 1.
-        state, reason: what the governor does, and why.
-        safe: whether the stop that is held keeps the limit for all models.
-        peak: highest height in the next step and the stop after it, over all models [m].
-        margin: by how much that exceeds the nominal model's [m].
-        limit: of the height [m].
-        rest: time until the container rests, if it stops now [s].
-        age: of the command in force [s]; NaN: its stamp or there is none.
-        steps, commands: how many so far.
-        liquid_ns: stamp of the last observed state of the liquid that was taken [ns]; 0: none.
-    """
-
-    stamp_ns: int
-    velocity: tuple[float, ...]
-    acceleration: tuple[float, ...]
-    position: tuple[float, ...]
-    share: float
-    state: GovernorState
-    reason: StopReason
-    safe: bool
-    peak: float
-    margin: float
-    limit: float
-    rest: float
-    age: float
-    steps: int
-    commands: int
-    liquid_ns: int
+AXES = 3
 
 
 class Governor:
@@ -167,60 +52,74 @@ class Governor:
     (1.0, True)
 
     Args:
-        model: of the container and its liquid; its NL twin decides.
-        limits: to keep: height, acceleration and jerk.
-        doubt: by how much the liquid may differ from the model.
+        held: the container's model, or a tray; NL twins of its models decide.
+        limits: to keep: height, acceleration and jerk of the origin; each container of a tray
+            keeps its own height, too, and stands if it stands loosely.
+        doubt: by how much the liquids may differ from the models.
         period: time of a step [s].
         timeout: a command holds for so long [s].
+        arm: robot whose joints are commanded; None: x, y, z of the upright container are.
 
     Attributes:
-        model: the NL twin.
-        limits: with the container's rim.
-        period, timeout: as given.
+        model: the first container's NL twin.
+        limits: with the first container's rim.
+        period, timeout, arm: as given.
 
     Raises:
-        SloshPlanError: an infinite or impossible limit, an impossible period.
+        SloshPlanError: an infinite or impossible limit, an impossible period, a container that
+            cannot be kept safe.
     """
 
     def __init__(
         self,
-        model: Model,
+        held: Model | Tray,
         limits: PlanLimits,
         *,
         doubt: ModelDoubt | None = None,
         period: float = 0.01,
         timeout: float = TUNING.governor_timeout,
+        arm: GovernedArm | None = None,
     ) -> None:
         if not PERIODS[0] <= period <= PERIODS[1]:
             raise SloshPlanError(f"period = {period!r} s must lie in 0.001 … 0.05 s")
-        self.limits, self.period, self.timeout = limits.under_rim(model), period, timeout
-        if not math.isfinite(self.limits.height):
-            raise SloshPlanError("the governor needs a limit of the height, or a rim")
-        self.model = nonlinear = model.nonlinear()
+        tray = held if isinstance(held, Tray) else Tray((TrayContainer("", held),))
+        turns = arm is not None
+        self._cups = containers.cups_of(tray, limits, turns=turns)
+        self._seen_cup = not tray.first.empty
+        self.model, self.limits = self._cups[0].model, self._cups[0].limits
+        self.period, self.timeout, self.arm = period, timeout, arm
         self._factors = (doubt or ModelDoubt()).factors
-        self._stores = np.stack([_twin(nonlinear, *factors) for factors in self._factors])
-        fastest = max(mode.natural_frequency for mode in nonlinear.mode_constants())
-        per_row = max(math.floor(TUNING.governor_phase / fastest / period), 1)
+        self._stores = containers.stores_of(self._cups, self._factors)
+        per_row, fastest = containers.spacing_of(self._cups, period)
         spacing = per_row * period
-        tail = TUNING.governor_tail * first_period(nonlinear)
+        slowest = max(first_period(cup.model) for cup in self._cups)
+        tail = TUNING.governor_tail * slowest
         # A crest between two rows is higher than both.
         reserve = (1.0 + TUNING.governor_reserve) / math.cos(0.5 * spacing * fastest) - 1.0
-        self._settings = _settings(self.limits, period, per_row, tail, reserve)
-        self._how = np.array(
-            [
-                bool(nonlinear.uses("drive")),
-                bool(nonlinear.uses("modulation")),
-                math.ceil(spacing * fastest / (2.0 * TUNING.governor_phase)),
-            ],
-            dtype=np.int64,
-        )
+        self._settings = _settings(limits, period, per_row, tail, reserve)
+        self._table, self._points = containers.table_of(self._cups, spacing, turns=turns)
+        self._joints = arm.chain if arm else NO_JOINTS
+        size = len(arm.start) if arm else AXES
+        free = np.array([[-math.inf], *[[math.inf]] * 4]) * np.ones(AXES)
+        self._bounds = arm.bounds if arm else free
         rows = math.ceil((TUNING.governor_longest + tail) / spacing) + 4
-        self._stop, self._state = np.zeros((rows, 3)), np.zeros(kernel.STATE)
-        self._state[[kernel.ROWS, kernel.BOUND]] = 1.0, math.inf
-        self._state[kernel.DURATION] = TUNING.governor_first * first_period(nonlinear)
-        self._chosen, self._answer = np.zeros(3), np.zeros(kernel.ANSWER)
+        self._stop, self._motion = np.zeros((rows, size)), np.zeros((3, size))
+        self._state = np.zeros(layout.STATE)
+        self._state[[layout.ROWS, layout.BOUND]] = 1.0, math.inf
+        self._state[layout.DURATION] = TUNING.governor_first * slowest
+        self._chosen = np.zeros((len(self._points), 3))
+        self._told, self._answer = (
+            np.zeros((len(self._cups), layout.USES)),
+            np.zeros(layout.ANSWER),
+        )
+        self._uses = self._told.copy()
+        self._loose = [k for k, cup in enumerate(self._cups) if cup.standing is not None]
+        if arm is not None:
+            self._motion[layout.PLACE] = arm.start
+            self._settle()
         self._past: deque[tuple[int, Array, Array]] = deque(maxlen=TUNING.governor_past)
         self._command: Command | None = None
+        self._latest = Command(0)
         self._came = False
         self._seen: SeenLiquid | None = None
         self._origin: Array | None = None
@@ -232,10 +131,11 @@ class Governor:
     def take(self, command: Command) -> None:
         """Stores a command; the last one before a step is used."""
         self._commands += 1
-        self._command, self._came = command, True
+        self._command = self._latest = command
+        self._came = True
 
     def see(self, liquid: SeenLiquid) -> None:
-        """Stores an observed state of the liquid; the last one before a step is used."""
+        """Stores an observed state of the first liquid; the last one before a step is used."""
         self._seen = liquid
 
     def stop(self) -> None:
@@ -252,7 +152,24 @@ class Governor:
     @property
     def rests(self) -> bool:
         """Whether the container is at rest."""
-        return not self._state[: kernel.AZ + 1].any()
+        return not self._motion[: layout.PLACE].any()
+
+    @property
+    def commands(self) -> int:
+        """Number of commands so far."""
+        return self._commands
+
+    @property
+    def place(self) -> Array:
+        """Present place (D,) of the coordinates: since the start [m], or joints [rad or m]."""
+        place: Array = self._motion[layout.PLACE].copy()
+        return place
+
+    def idle(self, now_ns: int) -> Governed:
+        """Returns the answer before the first command: at rest, without a step."""
+        self._told[:] = 0.0
+        told = self._governed(now_ns, share=0.0, safe=True)
+        return told._replace(state=GovernorState.RESTING)
 
     def step(self, now_ns: int) -> Governed:
         """Computes the container's motion for the next step.
@@ -266,13 +183,19 @@ class Governor:
             self._use(self._seen)
             self._seen = None
         follow = self._reason is StopReason.NONE and self._command is not None
-        wanted = self._velocity() if follow else np.zeros(3)
+        wanted = self._velocity() if follow else np.zeros(self._motion.shape[1])
         self._past.append((now_ns, self._stores.copy(), self._chosen.copy()))
         unsafe = kernel.govern(
-            self._stores, self._stop, self._state, wanted, follow, self._settings, self._how,
-            self._chosen, self._answer,
+            self._stores, self._stop, self._motion, self._state, wanted, follow, self._settings,
+            self._bounds, self._table, self._joints, self._points, self._chosen,
+            self._told, self._answer,
         )  # fmt: skip
-        return self._told(now_ns, follow, not unsafe)
+        share = float(self._answer[layout.SHARE]) if follow else 0.0
+        told = self._governed(now_ns, share=share, safe=not unsafe)
+        state = GovernorState.RESTING if self.rests else GovernorState.STOPPING
+        if follow:
+            state = GovernorState.FOLLOWING if share == 1.0 else GovernorState.LIMITED
+        return told._replace(state=state)
 
     def _look(self, now_ns: int) -> None:
         """Checks whether there is a reason to stop."""
@@ -283,7 +206,7 @@ class Governor:
             self._came, self._taken_ns = False, now_ns
         reason = StopReason.NONE
         if self._command is not None:
-            if not _possible(self._command):
+            if not self._possible(self._command):
                 reason = StopReason.INVALID
             elif now_ns - self._taken_ns > self.timeout * SECOND:
                 reason = StopReason.SILENT
@@ -296,20 +219,61 @@ class Governor:
         elif self.rests and self._command is not None and self._reason < StopReason.REQUESTED:
             self._reason = StopReason.NONE
 
+    def _possible(self, command: Command) -> bool:
+        """Whether a command is plausible: finite, in the right unit, of all coordinates."""
+        size, fast = self._motion.shape[1], TUNING.governor_fastest
+        if len(command.velocity) not in (0, size) or not math.hypot(*command.velocity) <= fast:
+            return False
+        if command.target is None:
+            return len(command.velocity) == size
+        if len(command.target) != size:
+            return False
+        if self.arm is not None:
+            return self.arm.usable(command.target)
+        return math.hypot(*command.target) <= FARTHEST
+
     def _velocity(self) -> Array:
-        """Returns the commanded velocity, which decreases with the distance to a target."""
-        assert self._command is not None
-        if self._command.target is None:
-            return np.array(self._command.velocity, dtype=np.float64)
-        place = self._state[kernel.PX : kernel.PZ + 1]
-        if self._origin is None:
-            self._origin = np.array(self._command.target) - place
-        wanted: Array = TUNING.governor_pull * (self._command.target - self._origin - place)
-        return wanted
+        """Returns the commanded velocity (D,); towards a target it decreases with the distance."""
+        command, place = self._command, self._motion[layout.PLACE]
+        assert command is not None
+        wanted: Array = np.zeros(len(place))
+        if command.velocity:
+            wanted = np.array(command.velocity, dtype=np.float64)
+        if command.target is None:
+            return self._within(wanted)
+        target = np.array(command.target)
+        if self.arm is not None:
+            target = np.clip(target, self._bounds[layout.LOWER], self._bounds[layout.UPPER])
+        elif self._origin is None:
+            self._origin = target - place
+        origin = 0.0 if self._origin is None else self._origin
+        return self._within(wanted + TUNING.governor_pull * (target - origin - place))
+
+    def _within(self, velocity: Array) -> Array:
+        """Returns a velocity, lowered to the limits of the joints, which it nears slowly."""
+        if self.arm is None:
+            return velocity
+        place, slack = self._motion[layout.PLACE], TUNING.governor_slack
+        low, high = self._bounds[layout.LOWER] - place, self._bounds[layout.UPPER] - place
+        near = np.clip(velocity, TUNING.governor_pull * low, TUNING.governor_pull * high)
+        fastest = (1.0 - slack) * self._bounds[layout.FASTEST]
+        return np.clip(near, -fastest, fastest)
+
+    def _settle(self) -> None:
+        """Brings the liquids to rest in containers that are tilted at the start."""
+        assert self.arm is not None
+        kernel.feel(self._joints, self._points, self._motion, self._chosen)
+        for number, store in enumerate(self._stores):
+            cup = number // layout.MODELS
+            row = self._table[cup]
+            felt = self._chosen[int(row[layout.POINT])]
+            own = store[: int(row[layout.SIZE])]
+            containers.settle(own, felt, first_period(self._cups[cup].model))
 
     def _use(self, liquid: SeenLiquid) -> None:
-        """Sets all models to an observed state, propagated to the present time."""
-        modes = divided(self._stores[0])[1]
+        """Sets all models of the first container to an observed state at the present time."""
+        size = int(self._table[0, layout.SIZE])
+        modes = divided(self._stores[0, :size])[1]
         known = liquid.modal.shape == (len(modes), 4) and np.isfinite(liquid.modal).all()
         behind = []
         for past in reversed(self._past):
@@ -317,43 +281,57 @@ class Governor:
                 break
             behind.append(past)
         oldest_ns = self._past[0][0] if self._past else math.inf
-        if not known or not behind or oldest_ns > liquid.stamp_ns:
+        if not self._seen_cup or not known or not behind or oldest_ns > liquid.stamp_ns:
             return
         behind.reverse()
         self._liquid_ns = liquid.stamp_ns
-        self._state[kernel.BOUND] = math.inf
-        self._state[kernel.EXTRA] = TUNING.governor_stddevs * liquid.stddev
+        self._state[layout.BOUND] = math.inf
+        self._table[0, layout.EXTRA] = TUNING.governor_stddevs * liquid.stddev
         _, stores, _ = behind[0]
-        inputs = np.array([chosen for _, _, chosen in behind[1:]] + [self._chosen.copy()])
+        point = int(self._table[0, layout.POINT])
+        inputs = np.array([one[2][point] for one in behind[1:]] + [self._chosen[point].copy()])
         intervals = np.full(len(inputs), self.period)
         history, heights = np.empty((len(inputs), len(modes), 4)), np.empty((len(inputs), 2))
         yaws, poses = np.zeros(len(inputs)), np.empty((0, POSE_COUNT))
-        for (frequency, _), store, past in zip(self._factors, self._stores, stores, strict=True):
-            begun = past.copy()
+        for number, (frequency, _) in enumerate(self._factors):
+            begun = stores[number, :size].copy()
             same_height = (liquid.frequency_factor / frequency) ** 2
             for name, column in zip(MODAL, same_height * liquid.modal.T, strict=True):
                 divided(begun)[1][name] = column
             model_kernel.advance_many(begun, intervals, inputs, yaws, poses, history, heights)
-            store[:] = begun
+            self._stores[number, :size] = begun
 
-    def _told(self, now_ns: int, follow: bool, safe: bool) -> Governed:
-        state = GovernorState.RESTING if self.rests else GovernorState.STOPPING
-        share = float(self._answer[kernel.SHARE]) if follow else 0.0
-        if follow:
-            state = GovernorState.FOLLOWING if share == 1.0 else GovernorState.LIMITED
+    def _governed(self, now_ns: int, *, share: float, safe: bool) -> Governed:
+        """Creates the answer of a step."""
         sent = 0 if self._command is None else self._command.stamp_ns
-        peak, nominal, rest = (
-            float(self._answer[i]) for i in (kernel.PEAK, kernel.NOMINAL, kernel.REST)
-        )
-        velocity, acceleration, position = (
-            tuple(self._state[at : at + 3].tolist()) for at in (kernel.VX, kernel.AX, kernel.PX)
-        )
+        # What is left of a held stop uses no more than all of it.
+        np.copyto(self._uses, self._told, where=self._told == self._told)
+        worst = int(self._uses[:, layout.USE].argmax()) if len(self._cups) > 1 else 0
+        peak, nominal = self._uses[worst, layout.PEAK : layout.NOMINAL + 1].tolist()
+        friction = tipping = math.nan
+        if self._loose:
+            friction, tipping = self._uses[self._loose, layout.SLIP :].max(axis=0).tolist()
+        velocity, acceleration, position = self._moved()
+        unknown = (math.nan,) * self._motion.shape[1]
+        wanted = self._latest.velocity or unknown, self._latest.target or unknown
+        joints = () if self.arm is None else tuple(map(tuple, self._motion.tolist()))
         return Governed(
-            now_ns, velocity, acceleration, position, share, state, self._reason, safe, peak,
-            peak - nominal, self.limits.height, rest,
+            now_ns, velocity, acceleration, position, share, GovernorState.STOPPING, self._reason,
+            safe, peak, peak - nominal,
+            self._cups[worst].limits.height, float(self._answer[layout.REST]),
             (now_ns - sent) / SECOND if sent > 0 else math.nan,
             self._steps, self._commands, self._liquid_ns,
+            self._cups[worst].name, friction, tipping, joints, wanted,
         )  # fmt: skip
+
+    def _moved(self) -> tuple[tuple[float, ...], ...]:
+        """Returns velocity, acceleration and position of the container's origin."""
+        velocity, acceleration, place = self._motion
+        if self.arm is not None:
+            place, velocity, acceleration = self.arm.arm.tip(
+                self.arm.limits.names, place, velocity, acceleration
+            )
+        return tuple(tuple(one.tolist()) for one in (velocity, acceleration, place))
 
     def stopped(self) -> list[Governed]:
         """Computes all steps until the container is at rest, without new commands.
@@ -367,33 +345,17 @@ class Governor:
         return moved
 
 
-def _possible(command: Command) -> bool:
-    """Whether a command is plausible: finite and in the right unit."""
-    if command.target is not None:
-        return math.hypot(*command.target) <= FARTHEST
-    return math.hypot(*command.velocity) <= TUNING.governor_fastest
-
-
-def _twin(model: Model, frequency: float, damping: float) -> Array:
-    """Returns the state array of a model at rest with changed frequencies and damping ratios."""
-    other = replace(model, natural_frequency=model.mode_frequency(1) * frequency, covariance=None)
-    store = store_of(other)
-    divided(store)[1]["damping_ratio"] *= damping
-    model_kernel.step(store, 0.0, 0.0, 0.0, 0.0)  # at rest, before the first step
-    return store
-
-
 def _settings(
     limits: PlanLimits, period: float, per_row: int, tail: float, reserve: float
 ) -> Array:
     spacing = per_row * period
     values = {
-        kernel.PERIOD: period, kernel.SPACING: spacing, kernel.SUBDIVISION: per_row,
-        kernel.HEIGHT: limits.height, kernel.RESERVE: reserve,
-        kernel.ACCELERATION: limits.acceleration, kernel.JERK: limits.jerk, kernel.TAIL: tail,
-        kernel.SHORTEST: 4.0 * spacing, kernel.LONGEST: TUNING.governor_longest,
-        kernel.RATIO: TUNING.governor_ratio, kernel.EARLY: TUNING.governor_early,
-        kernel.LATE: TUNING.governor_late_bump, kernel.ENOUGH: TUNING.governor_enough,
-        kernel.HASTE: TUNING.governor_haste, kernel.SPREAD: TUNING.governor_spread,
+        layout.PERIOD: period, layout.SPACING: spacing, layout.SUBDIVISION: per_row,
+        layout.RESERVE: reserve, layout.ACCELERATION: limits.acceleration,
+        layout.JERK: limits.jerk, layout.TAIL: tail,
+        layout.SHORTEST: 4.0 * spacing, layout.LONGEST: TUNING.governor_longest,
+        layout.RATIO: TUNING.governor_ratio, layout.EARLY: TUNING.governor_early,
+        layout.LATE: TUNING.governor_late_bump, layout.ENOUGH: TUNING.governor_enough,
+        layout.HASTE: TUNING.governor_haste, layout.SPREAD: TUNING.governor_spread,
     }  # fmt: skip
-    return np.array([values[place] for place in range(kernel.SETTINGS)], dtype=np.float64)
+    return np.array([values[place] for place in range(layout.SETTINGS)], dtype=np.float64)

@@ -1,14 +1,12 @@
 """Compiled step of the governor: finds the largest part of a command with a safe stop after it.
 
-The governor holds a *stop*: accelerations at the rows of a time grid, linear between them, that
-bring the container to rest and the liquid's height below the limit in every one of its models.
-The next acceleration is a mixture of the stop's and of the command's; both keep the limits of
-acceleration and jerk, hence so does every mixture. It is taken if a stop from there is found. With
-the share 0 the stop that is held goes on: there is always an answer.
+The governor holds a *stop* that brings the container to rest within all limits, in every model of
+every container; see `stops`. The next acceleration is a mixture of the stop's and of the
+command's. It is taken if a stop from there is found. With the share 0 the stop that is held goes
+on: there is always an answer.
 
-New stops are the laws of `slosh_plan.stopping` from the new velocity and acceleration, or the held
-stop plus such a law for the differences alone. All candidates and models go through
-`slosh_model.batch_kernel` together, a lane for each.
+All candidates are judged by the container that was nearest to its limits, and the best of them by
+the others.
 """
 
 from __future__ import annotations
@@ -16,407 +14,376 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba.types import Array, boolean, int64
+from numba.types import boolean, int64, void
 
 from slosh_base.compiled.compilation import (
     CHANGED_1,
     CHANGED_2,
     GIVEN_1,
+    GIVEN_2,
     compiled,
     entry_point,
 )
-from slosh_model.batch_kernel import advance_lanes
-from slosh_model.indices import POSE_COUNT
-from slosh_model.kernel import UPRIGHT, advance, corner_height
+from slosh_model.kernel import UPRIGHT, advance
 from slosh_model.layout import records
+from slosh_plan.governor.chain import felt_at
+from slosh_plan.governor.layout import (
+    ACCELERATION,
+    BOUND,
+    CANDIDATES,
+    CRITICAL,
+    DURATION,
+    ENOUGH,
+    FASTEST,
+    HARDEST,
+    HASTE,
+    JERK,
+    KIND,
+    LAW,
+    LIMIT,
+    LOWER,
+    MODELS,
+    OTHERS,
+    PART,
+    PARTS,
+    PEAK,
+    PERIOD,
+    PLACE,
+    PLAN,
+    POINT,
+    RATE,
+    REST,
+    SHARE,
+    SHARPEST,
+    SIZE,
+    SLIP,
+    SPACING,
+    TAIL,
+    TIP,
+    TRIED,
+    TURN,
+    UPPER,
+    USE,
+    USES,
+    VELOCITY,
+    WHOLE,
+)
+from slosh_plan.governor.stops import candidate, grid, make_plans, next_held, take, trimmed
+from slosh_plan.governor.uses import add_uses
 
-MODELS, CANDIDATES = 8, 4
-"""Models that all keep the limit, the nominal one first; stops that are tried together."""
-LIGHT = 6
-"""So many that follow the first have the least damping."""
-WHOLE, PARTS, OTHERS = range(3)
-"""What is tried in turn; see `_plan`."""
-KIND, PART, LAW = range(3)
-"""A candidate: 0: the held stop and a law for the difference, 1: a law of its own; share of the
-command; then duration [s] and bumps of the law."""
-SHARES = (0.7, 0.4, 0.15, 0.0)
-SHORTER = (0.0, -2.0, -6.0)
-"""Powers of RATIO by which a stop is shortened."""
-STILL = 1e-6
-"""Speed of a container that rests [m/s]: what rounding leaves."""
-
-(
-    PERIOD, SPACING, SUBDIVISION, HEIGHT, RESERVE, ACCELERATION, JERK, TAIL, SHORTEST, LONGEST,
-    RATIO, EARLY, LATE, ENOUGH, HASTE, SPREAD,
-) = range(16)  # fmt: skip
-"""Settings: time of a step, of a row [s], steps of a row; limit [m], part by which heights are
-raised, limits [m/s², m/s³]; time that is looked at after a stop, shortest and longest stop [s];
-ratio of two durations, steps of the two bumps [1]; part of the limit below which a stop is as good
-as any; what a second of its duration costs, in parts of the limit; part of the difference of the
-lightly damped models' heights that is added for those between them."""
-SETTINGS = 16
-
-(
-    VX, VY, VZ, AX, AY, AZ, PX, PY, PZ, SUBSTEP, ROWS, DURATION, BUMP_EARLY, BUMP_LATE, TURN,
-    EXTRA, BOUND,
-) = range(17)  # fmt: skip
-"""State: velocity [m/s], acceleration [m/s²], position [m], step since the stop's row 0, rows of
-the stop; duration [s] and bumps of the last good law, number of the step, and what heights are
-raised by, for an uncertain state [m]; height up to which the held stop was found safe [m]."""
-STATE = 17
-
-SHARE, PEAK, NOMINAL, REST, TRIED = range(5)
-"""An answer: share of the command; the highest height of any model, in the stop and after it, and
-that of the nominal model [m]; time until it rests [s]; blocks of stops that were tried."""
-ANSWER = 5
-
-_COUNTS = Array(int64, 1, "C")
+ROUNDING = 1e-9
+PARTED = 0.8
+"""Factor by which a command's change is reduced until the container keeps its limits,"""
+PARTS_TRIED = 12
+"""at most so often."""
 
 
 @compiled
-def _wanted(state, command, settings, found):  # type: ignore[no-untyped-def]
+def _towards(left, jerk, limit, dt):  # type: ignore[no-untyped-def]
+    """Returns the acceleration that can still be taken back until the velocity is reached."""
+    return min(math.sqrt(jerk * dt * jerk * dt + 2.0 * jerk * left) - jerk * dt, limit)
+
+
+@compiled
+def _wanted(motion, command, settings, found):  # type: ignore[no-untyped-def]
     """Writes the acceleration that reaches the commanded velocity as fast as the limits allow."""
     dt, jerk = settings[PERIOD], settings[JERK]
     size = 0.0
     for k in range(3):
-        found[k] = command[k] - state[VX + k] - 0.5 * dt * state[AX + k]
+        found[k] = command[k] - motion[VELOCITY, k] - 0.5 * dt * motion[RATE, k]
         size += found[k] * found[k]
     size = math.sqrt(size)
-    # The acceleration that can still be taken back until the velocity is reached.
-    most = math.sqrt(jerk * dt * jerk * dt + 2.0 * jerk * size) - jerk * dt
-    most = min(most, settings[ACCELERATION])
+    most = _towards(size, jerk, settings[ACCELERATION], dt)
     change = 0.0
     for k in range(3):
-        found[k] = (found[k] * most / size if size > 0.0 else 0.0) - state[AX + k]
+        found[k] = (found[k] * most / size if size > 0.0 else 0.0) - motion[RATE, k]
         change += found[k] * found[k]
     change = math.sqrt(change)
     share = min(1.0, jerk * dt / change) if change > 0.0 else 0.0
     for k in range(3):
-        found[k] = state[AX + k] + share * found[k]
+        found[k] = motion[RATE, k] + share * found[k]
 
 
 @compiled
-def _grid(state, settings, count, intervals, times):  # type: ignore[no-untyped-def]
-    """Writes the times of a candidate motion's samples after the next step, and their intervals.
-
-    Returns the stop's row that is the candidate's row 2.
-    """
-    dt, per_row = settings[PERIOD], settings[SUBDIVISION]
-    left = per_row - state[SUBSTEP] - 1.0  # steps from the next moment to the next row
-    first = 1
-    if left < 0.5:
-        left, first = per_row, 2
-    intervals[0], times[0], times[1] = dt, -dt, 0.0
-    for row in range(2, count):
-        intervals[row - 1] = left * dt if row == 2 else settings[SPACING]
-        times[row] = times[row - 1] + intervals[row - 1]
-    return first
-
-
-@compiled
-def _held(state, stop, settings, row, k):  # type: ignore[no-untyped-def]
-    """Returns the acceleration of the stored safe stop at a sample; 0 after its end."""
-    return stop[row, k] if row < state[ROWS] else 0.0
-
-
-@compiled
-def _next_held(state, stop, settings, found):  # type: ignore[no-untyped-def]
-    """Writes the acceleration of the stored safe stop at the next step."""
-    left = settings[SUBDIVISION] - state[SUBSTEP]
+def _within(before, behind, interval, settings):  # type: ignore[no-untyped-def]
+    """Whether two accelerations of the container's origin keep its limits."""
+    size = change = 0.0
     for k in range(3):
-        later = _held(state, stop, settings, 1, k)
-        found[k] = state[AX + k] + (later - state[AX + k]) / left
+        size += behind[k] ** 2
+        change += (behind[k] - before[k]) ** 2
+    most = settings[JERK] * interval * (1.0 + ROUNDING)
+    return size <= settings[ACCELERATION] ** 2 * (1.0 + ROUNDING) and change <= most * most
 
 
 @compiled
-def _add_law(velocity, acceleration, law, times, rows):  # type: ignore[no-untyped-def]
-    """Adds a law that reduces velocity and acceleration to 0; see `stopping`, `_Moving.law`.
+def _wanted_of_joints(motion, command, limits, settings, held, robot, found):  # type: ignore[no-untyped-def]
+    """Writes the same for joints, each by its own limits, and all by the container's."""
+    dt, count = settings[PERIOD], command.shape[0]
+    for k in range(count):
+        left = command[k] - motion[VELOCITY, k] - 0.5 * dt * motion[RATE, k]
+        most = _towards(abs(left), limits[SHARPEST, k], limits[HARDEST, k], dt)
+        change = math.copysign(most, left) - motion[RATE, k]
+        step = limits[SHARPEST, k] * dt
+        found[k] = motion[RATE, k] + min(max(change, -step), step)
+    felt, moved, now = np.empty((robot[1].shape[0], 3)), np.empty(3), np.empty(3)
+    felt_at(robot[0], robot[1], motion, felt, now)
+    following = np.empty((3, count))
+    for _ in range(PARTS_TRIED):
+        for k in range(count):
+            following[RATE, k] = found[k]
+            following[VELOCITY, k] = motion[VELOCITY, k] + 0.5 * dt * (motion[RATE, k] + found[k])
+            following[PLACE, k] = motion[PLACE, k] + dt * motion[VELOCITY, k]
+        felt_at(robot[0], robot[1], following, felt, moved)
+        if _within(now, moved, dt, settings):
+            return
+        for k in range(count):
+            found[k] = held[k] + PARTED * (found[k] - held[k])
 
-    The law is in the rows from 2 on, its first value in row 1; returns the rows up to its end. Its
-    integral by the rows is exactly the velocity.
+
+@compiled
+def _move(motion, following, interval):  # type: ignore[no-untyped-def]
+    """Moves the coordinates on by an interval, in which accelerations change linearly."""
+    for k in range(following.shape[0]):
+        a, b = motion[RATE, k], following[k]
+        motion[PLACE, k] += interval * (motion[VELOCITY, k] + interval * (2.0 * a + b) / 6.0)
+        motion[VELOCITY, k] += 0.5 * interval * (a + b)
+        motion[RATE, k] = b
+
+
+@compiled
+def _drive(motion, rows, end, intervals, robot, settings, must, driven):  # type: ignore[no-untyped-def]
+    """Writes the accelerations at each point that a candidate motion causes.
+
+    Args:
+        motion: (3, D) the present one.
+        rows: (R, D) accelerations of the coordinates.
+        end: rows until it is at rest; behind it everything stays.
+        intervals: [s].
+        robot: joints and points; see `chain.felt_at`. Without joints rows are accelerations.
+        settings: (SETTINGS,).
+        must: whether it is looked at to its end although it exceeds a limit.
+        driven: (P, R, 3) receives them.
+
+    Returns:
+        whether the origin keeps its limits of acceleration and jerk.
     """
-    duration, early, late = law
-    end = 2
-    weight = 0.0
-    total = np.zeros(3)
-    before = acceleration.copy()
-    count = rows.shape[0]
-    for row in range(2, count):
-        u = times[row] / duration
-        step = 0.5 * (times[row] - times[row - 1])
-        if u >= 1.0:
+    chained = robot[0].shape[0] > 0
+    now, felt = motion.copy(), np.empty((robot[1].shape[0], 3))
+    before, behind = np.empty(3), np.empty(3)
+    kept = True
+    for row in range(end + 1):
+        if row > 0:
+            _move(now, rows[row], intervals[row - 1])
+        before[:] = behind
+        if chained:
+            felt_at(robot[0], robot[1], now, felt, behind)
+        else:
             for k in range(3):
-                total[k] += step * before[k]
-            break
-        rest, half, both = 1.0 - u, 1.0 - 2.0 * u, (u * (1.0 - u)) ** 2
-        slope = 2.0 * u * rest * half * (early + late * half) - 2.0 * late * both
-        for k in range(3):
-            now = (slope - 6.0 * u * rest) / duration * velocity[k]
-            now += rest * (1.0 - 3.0 * u) * acceleration[k]
-            total[k] += step * (before[k] + now)
-            before[k] = now
-            rows[row, k] += now
-        following = times[row + 1] if row + 1 < count else times[row]
-        weight += 0.5 * u * rest * (following - times[row - 1])
-        end = row + 1
-    for row in range(2, end):
-        u = times[row] / duration
-        for k in range(3):
-            rows[row, k] -= (velocity[k] + total[k]) * u * (1.0 - u) / weight
-    return end
+                felt[0, k] = behind[k] = rows[row, k]
+        for point in range(felt.shape[0]):
+            for k in range(3):
+                driven[point, row, k] = felt[point, k]
+        if row > 0 and not _within(before, behind, intervals[row - 1], settings):
+            kept = False
+            if not must:
+                return kept
+    for point in range(felt.shape[0]):
+        driven[point, end + 1 :] = driven[point, end]
+    return kept
 
 
 @compiled
-def _allowed(rows, intervals, end, settings):  # type: ignore[no-untyped-def]
-    """Whether a candidate motion keeps the limits of acceleration and jerk."""
-    for row in range(1, end + 1):
-        size = change = 0.0
-        for k in range(3):
-            size += rows[row, k] ** 2
-            change += (rows[row, k] - rows[row - 1, k]) ** 2
-        most = settings[JERK] * intervals[row - 1] * (1.0 + 1e-9)
-        if size > settings[ACCELERATION] ** 2 * (1.0 + 1e-9) or change > most * most:
-            return False
+def _allowed(motion, rows, end, intervals, limits):  # type: ignore[no-untyped-def]
+    """Whether a candidate keeps the limits of each coordinate."""
+    for k in range(rows.shape[1]):
+        place, velocity = motion[PLACE, k], motion[VELOCITY, k]
+        for row in range(1, end + 1):
+            h, a, b = intervals[row - 1], rows[row - 1, k], rows[row, k]
+            place += h * (velocity + h * (2.0 * a + b) / 6.0)
+            velocity += 0.5 * h * (a + b)
+            kept = limits[LOWER, k] <= place <= limits[UPPER, k]
+            kept = kept and abs(velocity) <= limits[FASTEST, k] * (1.0 + ROUNDING)
+            kept = kept and abs(b) <= limits[HARDEST, k] * (1.0 + ROUNDING)
+            if not (kept and abs(b - a) <= limits[SHARPEST, k] * h * (1.0 + ROUNDING)):
+                return False
     return True
 
 
 @compiled
-def _candidate(state, stop, settings, plan, wanted, held, first, times, rows):  # type: ignore[no-untyped-def]
-    """Writes the samples of a candidate motion; returns their number until it is at rest."""
-    dt, share = settings[PERIOD], plan[PART]
-    law = (plan[LAW], plan[LAW + 1], plan[LAW + 2])
-    velocity, acceleration = np.empty(3), np.empty(3)
-    rows[:] = 0.0
-    for k in range(3):
-        now = state[AX + k]
-        following = held[k] + share * (wanted[k] - held[k])
-        rows[0, k], rows[1, k] = now, following
-        velocity[k] = state[VX + k] + 0.5 * dt * (now + following)
-        acceleration[k] = following
-    if plan[KIND] == 1.0:
-        return _add_law(velocity, acceleration, law, times, rows)
-    for k in range(3):
-        acceleration[k] = rows[1, k] - held[k]
-        velocity[k] = 0.5 * dt * acceleration[k]
-        for row in range(2, rows.shape[0]):
-            rows[row, k] = _held(state, stop, settings, first + row - 2, k)
-    end = 2
-    if share > 0.0:
-        end = _add_law(velocity, acceleration, law, times, rows)
-    return max(end, min(int(state[ROWS]) - first + 2, rows.shape[0]))
-
-
-@compiled
-def _peaks(stores, rows, ends, intervals, count, how, settings, peaks):  # type: ignore[no-untyped-def]
-    """Writes each candidate's greatest height over all models, and that of the nominal model.
-
-    After a stop the two axes of a wall with corners have waves of different frequencies, whose
-    crests may meet at any time: the highest of both add.
-
-    how: whether the models have effects on the input, on the constants with time, sub-steps.
-    """
-    lanes = CANDIDATES * MODELS
-    copies = np.empty((lanes, stores.shape[1]))
-    which = np.empty(lanes, dtype=np.int64)
-    for lane in range(lanes):
-        copies[lane] = stores[lane % MODELS]
-        which[lane] = lane // MODELS
-    heights = np.empty((lanes, count, 2))
-    counts = np.full(count - 1, how[2])
-    advance_lanes(
-        copies, counts, np.zeros(lanes, dtype=np.int64), which,
-        intervals[: count - 1].copy().reshape(1, count - 1), rows[:, :count].copy(),
-        np.empty((0, count)), np.empty((0, count, POSE_COUNT)), how[0] != 0, how[1] != 0, heights,
-    )  # fmt: skip
-    cornered = records(stores[0])[0][0]["cornered"] != 0.0
-    for one in range(CANDIDATES):
-        highest, nominal, least = 0.0, 0.0, math.inf
-        for model in range(MODELS):
-            lane, top = one * MODELS + model, 0.0
-            last_x = last_y = 0.0
-            for row in range(1, count):
-                x, y = heights[lane, row, 0], heights[lane, row, 1]
-                if cornered and row >= ends[one] - 1:
-                    x = last_x = max(last_x, abs(x))
-                    y = last_y = max(last_y, abs(y))
-                eta = corner_height(x, y) if cornered else math.sqrt(x * x + y * y)
-                top = max(top, eta) if eta == eta else math.inf
-            highest = max(highest, top)
-            if model == 0:
-                nominal = top
-            elif model <= LIGHT:
-                least = min(least, top)
-        between = settings[SPREAD] * (highest - least)
-        peaks[one, 0], peaks[one, 1] = (highest + between) * (1.0 + settings[RESERVE]), nominal
-
-
-@compiled
-def _variant(state, settings, turn):  # type: ignore[no-untyped-def]
-    """Returns a variation of the last good time law; each step tries other variations."""
-    duration, early, late = state[DURATION], state[BUMP_EARLY], state[BUMP_LATE]
-    place, sign = turn % 5, 1.0 if (turn // 5) % 2 == 0 else -1.0
-    if place < 2:
-        duration *= settings[RATIO] ** (sign if place == 0 else 4.0 * sign)
-    elif place == 2:
-        early += sign * settings[EARLY]
-    elif place == 3:
-        late += sign * settings[LATE]
-    else:
-        early, late = 0.0, 0.0
-    return min(max(duration, settings[SHORTEST]), settings[LONGEST]), early, late
-
-
-@compiled
-def _take(state, stop, settings, rows, end):  # type: ignore[no-untyped-def]
-    """Makes a step along a candidate motion, which becomes the stored safe stop."""
-    dt, per_row = settings[PERIOD], settings[SUBDIVISION]
-    for k in range(3):
-        now, following = state[AX + k], rows[1, k]
-        state[PX + k] += dt * (state[VX + k] + dt * (2.0 * now + following) / 6.0)
-        state[VX + k] += 0.5 * dt * (now + following)
-        state[AX + k] = following
-    substep = state[SUBSTEP] + 1.0
-    # Row 0 of the stop lies behind, or is the present moment.
-    stop[0] = rows[1]
-    state[SUBSTEP] = substep if substep < per_row - 0.5 else 0.0
-    count = min(end - 1, stop.shape[0])
-    for row in range(1, count):
-        stop[row] = rows[row + 1]
-    stop[count:] = 0.0
-    state[ROWS] = count
-
-
-@compiled
-def _best(peaks, kept, rests, settings, limit, in_order, follow):  # type: ignore[no-untyped-def]
-    """Returns the best candidate: a safe one, or else the one with the lowest height.
+def _best(uses, kept, rests, settings, in_order, follow):  # type: ignore[no-untyped-def]
+    """Returns the best candidate: a safe one, or else the one that uses least.
 
     Of safe ones the first where they are in order; the quickest in a stop; else height and
     duration count, so that the next steps have a choice.
     """
     best, best_score, best_safe = -1, math.inf, False
-    for one in range(peaks.shape[0]):
+    for one in range(uses.shape[0]):
         if not kept[one]:
             continue
-        safe = peaks[one, 0] <= limit
-        score = peaks[one, 0]
+        safe = uses[one] <= 1.0
+        score = uses[one]
         if safe and in_order:
             score = float(one)
         elif safe:
             enough = settings[ENOUGH] if follow else 1.0
-            score = max(score / settings[HEIGHT], enough) + settings[HASTE] * rests[one]
+            score = max(score, enough) + settings[HASTE] * rests[one]
         if best < 0 or (safe and not best_safe) or (safe == best_safe and score < best_score):
             best, best_score, best_safe = one, score, safe
     return max(best, 0)
 
 
 @compiled
-def _trimmed(state, stop, settings):  # type: ignore[no-untyped-def]
-    """Removes samples at rest from the end of the stop; returns the time until rest [s]."""
-    count = int(state[ROWS])
-    while count > 1 and not (stop[count - 1] != 0.0).any():
-        count -= 1
-    state[ROWS] = count
-    if count > 1:
-        return count * settings[SPACING] - state[SUBSTEP] * settings[PERIOD]
-    still = state[AX] == 0.0 and state[AY] == 0.0 and state[AZ] == 0.0
-    if not still:
-        return settings[SPACING] - state[SUBSTEP] * settings[PERIOD]
-    if math.sqrt(state[VX] ** 2 + state[VY] ** 2 + state[VZ] ** 2) < STILL:
-        state[VX] = state[VY] = state[VZ] = 0.0
-    return 0.0
+def _is_held(plan):  # type: ignore[no-untyped-def]
+    """Whether a candidate is the stop that is held already."""
+    return plan[KIND] == 0.0 and plan[PART] == 0.0
 
 
 @compiled
-def _plan(state, settings, block, follow, plans, best):  # type: ignore[no-untyped-def]
-    """Writes the candidates that are simulated together.
+def _cap(uses, bound, limit):  # type: ignore[no-untyped-def]
+    """Lowers what a held stop uses of a limit to what it was found to use before."""
+    uses[PEAK] = min(uses[PEAK], bound * limit)
+    for k in (USE, SLIP, TIP):
+        uses[k] = min(uses[k], bound)
 
-    All of the command with various stops; shares of it with the lowest of them, down to nothing;
-    the held stop and others from now on, in a stop shorter ones.
+
+@compiled
+def _chosen(  # type: ignore[no-untyped-def]
+    stores, cups, driven, plans, ends, kept, times, intervals, count, settings, state, block,
+    follow, told,
+):  # fmt: skip
+    """Returns the best candidate of a block, and the share of its limits that it uses.
+
+    One that exceeds a limit of another container than the critical one gives way to the next.
     """
-    turn = 2 * int(state[TURN])
-    chosen = plans[best].copy()
-    for one in range(CANDIDATES):
-        plan = plans[one]
-        plan[KIND], plan[PART] = min(one, 1), 1.0 if block == WHOLE else 0.0
-        if block == PARTS:
-            plan[:] = chosen
-            plan[PART] = SHARES[one]
-            plan[KIND] = chosen[KIND] if SHARES[one] > 0.0 else 0.0
-        elif 0 < one < 3 and not follow:
-            plan[LAW:] = state[DURATION : DURATION + 3]
-            shorter = plan[LAW] * settings[RATIO] ** (SHORTER[one])
-            plan[LAW] = max(shorter, settings[SHORTEST])
-        elif one > 1 or block == OTHERS:
-            plan[LAW], plan[LAW + 1], plan[LAW + 2] = _variant(state, settings, turn + one)
+    critical, turn, best = int(state[CRITICAL]), 0, -1
+    cup, which = critical, np.flatnonzero(kept)
+    own, shares = np.full((CANDIDATES, USES), math.inf), np.full(CANDIDATES, math.inf)
+    uses = own.copy()
+    while True:
+        part = stores[cup * MODELS : (cup + 1) * MODELS]
+        add_uses(part, cups[cup], driven, which, ends, intervals, count, settings, own)
+        if best < 0:
+            uses[:] = own
+            for one in range(CANDIDATES):
+                shares[one] = own[one, USE]
+                if _is_held(plans[one]):
+                    # What is left of a stop is no higher than all of it.
+                    shares[one] = min(shares[one], state[BOUND])
         else:
-            plan[LAW:] = state[DURATION : DURATION + 3]
+            told[cup] = own[best]
+            if own[best, USE] > shares[best]:
+                shares[best] = own[best, USE]
+                state[CRITICAL] = cup
+        if best < 0 or shares[best] > 1.0:
+            best = _best(shares, kept, times[ends - 1], settings, block == PARTS, follow)
+            told[:] = math.nan
+            told[critical] = uses[best]
+            turn = 0
+            if _is_held(plans[best]) and state[BOUND] <= 1.0:
+                _cap(told[critical], state[BOUND], cups[critical, LIMIT])
+                return best, shares[best]
+            if not shares[best] <= 1.0:
+                return best, shares[best]
+        turn += int(turn == critical)
+        if turn >= cups.shape[0]:
+            return best, shares[best]
+        cup, which = turn, np.array([best])
+        turn += 1
 
 
 @entry_point(
     int64(
-        CHANGED_2, CHANGED_2, CHANGED_1, GIVEN_1, boolean, GIVEN_1, _COUNTS, CHANGED_1, CHANGED_1,
+        CHANGED_2, CHANGED_2, CHANGED_2, CHANGED_1, GIVEN_1, boolean, GIVEN_1, GIVEN_2, GIVEN_2,
+        GIVEN_2, GIVEN_2, CHANGED_2, CHANGED_2, CHANGED_1,
     )
 )  # fmt: skip
-def govern(stores, stop, state, command, follow, settings, how, chosen, answer):  # type: ignore[no-untyped-def]
+def govern(  # type: ignore[no-untyped-def]
+    stores, stop, motion, state, command, follow, settings, limits, cups, joints, points,
+    chosen, told, answer,
+):  # fmt: skip
     """Computes one step of the governor, of duration PERIOD.
 
     Args:
-        stores: (MODELS, …) the models at this moment; advanced to the next.
-        stop: (R, 3) the held stop's rows; changed.
+        stores: (C MODELS, …) the models of all containers at this moment; advanced to the next.
+        stop: (R, D) the held stop's rows; changed.
+        motion: (3, D); changed.
         state: (STATE,); changed.
-        command: (3,) velocity [m/s].
+        command: (D,) velocity of each coordinate [m/s or rad/s].
         follow: whether the command counts; else the stop goes on.
         settings: (SETTINGS,).
-        how: (3,) see `_peaks`.
-        chosen: (3,) receives the acceleration of the next moment [m/s²].
+        limits: (5, D) of each coordinate.
+        cups: (C, CUP).
+        joints, points: see `chain.felt_at`; no joints: the coordinates are x, y, z.
+        chosen: (P, 3) receives the acceleration of the next moment at each point [m/s²].
+        told: (C, USES) receives what the answer uses of each container's limits; NaN: not looked
+            at, as its stop was found safe before.
         answer: (ANSWER,).
 
     Returns:
-        0: the answer keeps the limit; 1: no stop that was found does.
+        0: the answer keeps the limits; 1: no stop that was found does.
     """
-    size = stop.shape[0] + 2
+    robot = (joints, points)
+    size, coordinates = stop.shape[0] + 2, stop.shape[1]
     intervals, times = np.zeros(size), np.zeros(size)
-    first = _grid(state, settings, size, intervals, times)
-    wanted, held = np.empty(3), np.empty(3)
-    _next_held(state, stop, settings, held)
-    _wanted(state, command, settings, wanted)
-    rows, peaks = np.zeros((CANDIDATES, size, 3)), np.zeros((CANDIDATES, 2))
-    plans = np.zeros((CANDIDATES, 5))
+    first = grid(state, settings, size, intervals, times)
+    wanted, held = np.empty(coordinates), np.empty(coordinates)
+    next_held(motion, state, stop, settings, held)
+    if joints.shape[0] == 0:
+        _wanted(motion, command, settings, wanted)
+    else:
+        _wanted_of_joints(motion, command, limits, settings, held, robot, wanted)
+    rows, plans = np.zeros((CANDIDATES, size, coordinates)), np.zeros((CANDIDATES, PLAN))
+    driven = np.zeros((CANDIDATES, points.shape[0], size, 3))
     ends, kept = np.zeros(CANDIDATES, dtype=np.int64), np.zeros(CANDIDATES, dtype=np.int64)
     tail = math.ceil(settings[TAIL] / settings[SPACING])
-    limit = settings[HEIGHT] - state[EXTRA]
     state[TURN] += 1.0
-    best, safe, answer[TRIED] = 0, False, 0.0
+    best, use, answer[TRIED] = 0, math.inf, 0.0
     block = WHOLE if follow else OTHERS
-    while block <= OTHERS and not safe:
-        _plan(state, settings, block, follow, plans, best)
+    while block <= OTHERS and not use <= 1.0:
+        make_plans(state, settings, block, follow, plans, best)
+        count = 0
         for one in range(CANDIDATES):
-            plan = plans[one]
-            ends[one] = _candidate(
-                state, stop, settings, plan, wanted, held, first, times, rows[one]
+            ends[one] = candidate(
+                motion, state, stop, settings, plans[one], wanted, held, first, times, rows[one]
             )
-            kept[one] = (plan[KIND] == 0.0 and plan[PART] == 0.0) or (
-                ends[one] + tail < size and _allowed(rows[one], intervals, ends[one], settings)
-            )
-        count = min(int(ends.max()) + tail, size)
-        _peaks(stores, rows, ends, intervals, count, how, settings, peaks)
-        for one in range(CANDIDATES):
-            if plans[one, KIND] == 0.0 and plans[one, PART] == 0.0:
-                # What is left of a stop is no higher than all of it.
-                peaks[one, 0] = min(peaks[one, 0], state[BOUND])
-        best = _best(peaks, kept, times[ends - 1], settings, limit, block == PARTS, follow)
-        safe = kept[best] != 0 and peaks[best, 0] <= limit
+            must = _is_held(plans[one])
+            kept[one] = must or (
+                ends[one] + tail < size
+                and (joints.shape[0] == 0
+                     or _allowed(motion, rows[one], ends[one], intervals, limits))
+            )  # fmt: skip
+            if kept[one]:
+                last = min(ends[one], size - 1)
+                within = _drive(
+                    motion, rows[one], last, intervals, robot, settings, must, driven[one]
+                )
+                kept[one] = must or within
+            if kept[one]:
+                count = max(count, min(ends[one] + tail, size))
+        if count > 0:
+            best, use = _chosen(
+                stores, cups, driven, plans, ends, kept, times, intervals, count, settings, state,
+                block, follow, told,
+            )  # fmt: skip
         answer[TRIED] += 1.0
         block += 1
-    state[BOUND] = peaks[best, 0]
+    state[BOUND] = use
     if plans[best, KIND] == 1.0:
         state[DURATION : DURATION + 3] = plans[best, LAW:]
-    answer[SHARE], answer[NOMINAL] = plans[best, PART], peaks[best, 1]
-    answer[PEAK] = peaks[best, 0] + state[EXTRA]
-    _take(state, stop, settings, rows[best], ends[best])
-    answer[REST] = _trimmed(state, stop, settings)
-    chosen[:] = state[AX : AX + 3]
-    for model in range(MODELS):
-        runs, modes = records(stores[model])
-        advance(runs[0], modes, chosen[0], chosen[1], chosen[2], 0.0, UPRIGHT, settings[PERIOD])
-    return 0 if safe else 1
+    answer[SHARE] = plans[best, PART]
+    for point in range(points.shape[0]):
+        chosen[point] = driven[best, point, 1]
+    take(motion, state, stop, settings, rows[best], ends[best])
+    answer[REST] = trimmed(motion, state, stop, settings)
+    for number in range(stores.shape[0]):
+        cup = cups[number // MODELS]
+        runs, modes = records(stores[number, : int(cup[SIZE])])
+        felt = chosen[int(cup[POINT])]
+        advance(runs[0], modes, felt[0], felt[1], felt[2], 0.0, UPRIGHT, settings[PERIOD])
+    return 0 if use <= 1.0 else 1
+
+
+@entry_point(void(GIVEN_2, GIVEN_2, CHANGED_2, CHANGED_2))
+def feel(joints, points, motion, felt):  # type: ignore[no-untyped-def]
+    """Computes what containers on a link feel; the arguments are those of `chain.felt_at`."""
+    felt_at(joints, points, motion, felt, np.empty(3))

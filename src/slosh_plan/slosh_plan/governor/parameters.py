@@ -3,26 +3,35 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from slosh_model.model import Model
-from slosh_plan.governor.governor import Command, Governor, ModelDoubt
-from slosh_plan.planning.limits import PlanLimits
+import numpy as np
 
-TWIST, POSE = "twist", "pose"
-"""What commands are: velocities, or places to go to."""
+from slosh_model.model import Model
+from slosh_model.tray import Tray
+from slosh_plan.governor.commands import Command, ModelDoubt
+from slosh_plan.governor.governor import Governor
+from slosh_plan.governor.robot_arm import GovernedArm, with_defaults
+from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.robot_file import CarryingRobot
+
+POSITION, VELOCITY = "position", "velocity"
+"""What the numbers of `joint_values` are."""
 TURNS = 1e-3
 """A larger angular velocity of a command [rad/s] is refused: it tilts or turns the container."""
 _NOWHERE = (math.nan,) * 3
 
 
-def governor_of(model: Model, parameters: Mapping[str, Any]) -> Governor:
+def governor_of(
+    held: Model | Tray, parameters: Mapping[str, Any], arm: GovernedArm | None = None
+) -> Governor:
     """Creates the governor of a node.
 
     Args:
-        model: of the container and its liquid.
+        held: the container's model, or a tray.
         parameters: of the node by name.
+        arm: robot whose joints are commanded; None: the container is.
 
     Raises:
         SloshPlanError: an impossible limit.
@@ -31,11 +40,13 @@ def governor_of(model: Model, parameters: Mapping[str, Any]) -> Governor:
     limits = PlanLimits(
         height, height, float(parameters["max_acceleration"]), float(parameters["max_jerk"]),
         rim_distance=float(parameters["rim_distance"]),
+        friction=float(parameters.get("friction", 1.0)),
+        tipping=float(parameters.get("tipping", 1.0)),
     )  # fmt: skip
     doubt = ModelDoubt(float(parameters["frequency_error"]), float(parameters["damping_factor"]))
     return Governor(
-        model, limits, doubt=doubt, period=1.0 / float(parameters["rate"]),
-        timeout=float(parameters["timeout"]),
+        held, limits, doubt=doubt, period=1.0 / float(parameters["rate"]),
+        timeout=float(parameters["timeout"]), arm=arm,
     )  # fmt: skip
 
 
@@ -50,3 +61,55 @@ def velocity_command(
     """
     x, y, z = linear if math.hypot(*angular) <= TURNS else _NOWHERE
     return Command(stamp_ns, (x, y, z))
+
+
+def arm_of(
+    robot: CarryingRobot | None, start: Sequence[float], parameters: Mapping[str, Any]
+) -> GovernedArm | None:
+    """Creates the robot that a node governs; None: its joints are not commanded.
+
+    Args:
+        robot: the description, with the user's limits.
+        start: (J,) positions of the joints that carry the link [rad or m].
+        parameters: of the node by name.
+
+    Raises:
+        SloshPlanError: positions beyond the joints' limits.
+    """
+    if robot is None:
+        return None
+    limits = with_defaults(
+        robot.limits(robot.arm.carrying), float(parameters["max_joint_acceleration"]),
+        float(parameters["max_joint_jerk"]),
+    )  # fmt: skip
+    return GovernedArm(robot.arm, limits, np.array(start, dtype=np.float64))
+
+
+def joint_command(
+    stamp_ns: int,
+    carrying: Sequence[str],
+    names: Sequence[str],
+    positions: Sequence[float],
+    velocities: Sequence[float],
+) -> Command:
+    """Creates a command from joint positions, velocities, or both.
+
+    Args:
+        stamp_ns: of the message [ns]; 0: it has none.
+        carrying: joints that are commanded, in the governor's order.
+        names: of the values, in any order and with other joints; empty: in the governor's order.
+        positions, velocities: values [rad or m, and per second]; empty: not given.
+
+    Returns:
+        the command; an unusable one of NaN if a joint is missing or the numbers do not match.
+    """
+    own = tuple(names) or tuple(carrying)
+    unusable = Command(stamp_ns, (math.nan,) * len(carrying))
+    if not all(name in own for name in carrying) or not (positions or velocities):
+        return unusable
+    if any(values and len(values) != len(own) for values in (positions, velocities)):
+        return unusable
+    places = [own.index(name) for name in carrying]
+    target = tuple(float(positions[place]) for place in places) if positions else None
+    velocity = tuple(float(velocities[place]) for place in places) if velocities else ()
+    return Command(stamp_ns, velocity, target)

@@ -19,7 +19,7 @@ AXES = "xyz"
 
 
 def twist_command(message: TwistStamped) -> Command:
-    """Creates the command of a velocity."""
+    """Creates a governor command from a commanded velocity (TwistStamped)."""
     linear, angular = (
         tuple(float(getattr(part, axis)) for axis in AXES)
         for part in (message.twist.linear, message.twist.angular)
@@ -33,8 +33,21 @@ def pose_command(message: Any) -> Command:
     return Command(to_nanoseconds(message.header.stamp), target=(place.x, place.y, place.z))
 
 
-def governed_message(moved: Governed, frame: str) -> GovernedMotion:
-    """Creates the message of a step."""
+def governed_message(moved: Governed, frame: str, joints: Sequence[str] = ()) -> GovernedMotion:
+    """Creates the GovernedMotion message of one governor step.
+
+    Args:
+        moved: the step.
+        frame: name of the world's frame.
+        joints: names of the commanded joints.
+    """
+    of_joints: dict[str, Any] = {}
+    if moved.joints:
+        rate, change, place = moved.joints
+        of_joints = {
+            "joint_names": list(joints), "joint_position": place, "joint_velocity": rate,
+            "joint_acceleration": change,
+        }  # fmt: skip
     return filled(
         GovernedMotion,
         stamp_ns=moved.stamp_ns,
@@ -54,11 +67,17 @@ def governed_message(moved: Governed, frame: str) -> GovernedMotion:
         steps=moved.steps,
         commands_taken=moved.commands,
         liquid_stamp_ns=moved.liquid_ns,
+        worst_container=moved.worst,
+        friction_use=moved.friction,
+        tipping_use=moved.tipping,
+        target_velocity=moved.wanted[0],
+        target=moved.wanted[1],
+        **of_joints,
     )
 
 
 def safe_twist(moved: Governed, frame: str) -> TwistStamped:
-    """Creates the velocity message for the robot."""
+    """Creates the velocity message (TwistStamped) of a governor step for the robot."""
     message = TwistStamped()
     message.header.stamp, message.header.frame_id = to_time(moved.stamp_ns), frame
     _set(message.twist.linear, moved.velocity)

@@ -11,25 +11,26 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
-from trajectory_msgs.msg import MultiDOFJointTrajectory
+from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compilation import load_telling
 from slosh_base.compiled.compile_cache import sources_digest
-from slosh_estimator.errors import SloshEstimatorError
 from slosh_model.tray import read_tray
 from slosh_msgs.msg import FusedEstimate, GovernedMotion
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN, Health
-from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.parameters import declare
 from slosh_msgs_py.node.prepared import PreparedNode
 from slosh_msgs_py.node.readiness import Progress
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.stamps import to_nanoseconds
-from slosh_plan.governor import Governed, GovernorState, ModelDoubt, SeenLiquid
-from slosh_plan.governor.parameters import POSE, TWIST, governor_of
+from slosh_plan.errors import SloshPlanError
+from slosh_plan.governor import Command, Governed, Governor, GovernorState, SeenLiquid
+from slosh_plan.governor.parameters import arm_of, governor_of
 from slosh_plan.nodes.governor_messages import (
     governed_message,
     pose_command,
@@ -37,43 +38,24 @@ from slosh_plan.nodes.governor_messages import (
     stop_message,
     twist_command,
 )
+from slosh_plan.nodes.governor_parameters import PARAMETERS
 from slosh_plan.nodes.held_container import ContainerWatch
+from slosh_plan.nodes.joint_commands import (
+    JOINT_TOPICS,
+    JointPlaces,
+    files_of_robot,
+    joint_trajectory,
+    robot_of,
+)
 from slosh_plan.nodes.newest_estimate import modal_of
-from slosh_plan.planning.limits import ACCELERATION, JERK
 from slosh_plan.tuning import TUNING
 
 SOURCES = ("slosh_plan", "slosh_model")
-PARAMETERS = (
-    ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
-    ParameterSpec("limit", 0.02, "limit of the height [m]; 0: the rim alone", (0.0, 1.0)),
-    ParameterSpec(
-        "rim_distance", 0.0,
-        "least distance of the liquid to the rim [m]; 0: the rim itself", (0.0, 1.0),
-    ),
-    ParameterSpec(
-        "max_acceleration", ACCELERATION, "limit of the acceleration [m/s²]", (0.01, 100.0)
-    ),
-    ParameterSpec("max_jerk", JERK, "limit of the jerk [m/s³]", (0.1, 10_000.0)),
-    ParameterSpec("rate", 100.0, "steps and messages per second", (20.0, 1000.0)),
-    ParameterSpec(
-        "timeout", TUNING.governor_timeout, "time for which a command holds [s]", (0.01, 10.0)
-    ),
-    ParameterSpec(
-        "frequency_error", ModelDoubt().frequency,
-        "largest relative error of the model's natural frequency", (0.0, 0.3),
-    ),
-    ParameterSpec(
-        "damping_factor", ModelDoubt().damping,
-        "factor by which the damping may be larger or smaller", (1.0, 10.0),
-    ),
-    ParameterSpec(
-        "command", TWIST, "what commands are: velocities or targets", choices=(TWIST, POSE)
-    ),
-    ParameterSpec("world_frame", "world", "frame of the commands, on all output"),
+NAMES = (
+    topics.FUSED_ESTIMATE, topics.JOINT_STATES, topics.SAFE_TWIST, topics.GOVERNED_MOTION,
+    *(row.name for row in topics.COMMANDING.values()),
+    *(one.safe for one in JOINT_TOPICS.values()),
 )  # fmt: skip
-
-
-ONE_CONTAINER = "the governor keeps the liquid of one container, not of a tray"
 
 
 class GovernorNode(PreparedNode):
@@ -88,56 +70,86 @@ class GovernorNode(PreparedNode):
         self._values = values = dict(declare(self, PARAMETERS))
         self._limit = values["limit"]
         self._tray = read_tray(values["model"])
-        if self._tray.is_tray:
-            raise SloshEstimatorError(
-                f"{values['model']}: {ONE_CONTAINER}: give the model of a container"
-            )
-        names = (topics.FUSED_ESTIMATE, topics.DESIRED_TWIST, topics.DESIRED_POSE,
-                 topics.SAFE_TWIST, topics.GOVERNED_MOTION)  # fmt: skip
+        self._robot = robot_of(values)
+        self._names = self._robot.arm.carrying if self._robot else ()
+        self._joints = JointPlaces(self._names)
         self._settings = SettingsPublisher(
-            self, sources_digest(*SOURCES), arithmetic_fingerprint(), values, names
+            self, sources_digest(*SOURCES), arithmetic_fingerprint(), values, NAMES
         )
+        self._core: Governor | None = None
         self._moved: Governed | None = None
-        self._waits = False
+        self._waits, self._refused = False, ""
         self._seconds: deque[float] = deque(maxlen=1000)
         self._watch(self._health, self._facts)
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
-        """Compiles or loads the compiled code, and creates the governor."""
+        """Compiles or loads the compiled code, and checks what is to be governed."""
         for module in ("slosh_model.kernel", "slosh_plan.governor"):
             load_telling(progress, module)
-        self._core = governor_of(self._tray.first.model, self._values)
+        governor_of(self._tray, self._values)
 
     def begin(self) -> None:
         """Starts the steps of the governor."""
         self._container = ContainerWatch(self, self._tray, self._on_container)
-        self._settings.publish(self._container.files)
-        self._safe = self.create_publisher(TwistStamped, topics.SAFE_TWIST, qos.STREAM_OUT)
-        self._told = self.create_publisher(GovernedMotion, topics.GOVERNED_MOTION, qos.STREAM_OUT)
+        self._renew()
+        values, stream = self._values, qos.STREAM_OUT
+        self._told = self.create_publisher(GovernedMotion, topics.GOVERNED_MOTION, stream)
         self._stops = self.create_publisher(
             MultiDOFJointTrajectory, topics.STOP_TRAJECTORY, qos.EVENT
         )
-        kinds = {
-            TWIST: (TwistStamped, topics.DESIRED_TWIST),
-            POSE: (PoseStamped, topics.DESIRED_POSE),
-        }
-        kind, topic = kinds[self._values["command"]]
+        self._of_joints = JOINT_TOPICS.get(values["command"])
+        if self._of_joints is None:
+            self._safe = self.create_publisher(TwistStamped, topics.SAFE_TWIST, stream)
+            kind: Any = PoseStamped if values["command"] == "pose" else TwistStamped
+        else:
+            kind = self._of_joints.message
+            self._safe = self.create_publisher(kind, self._of_joints.safe, stream)
+            self._joint_stops = self.create_publisher(
+                JointTrajectory, topics.STOP_JOINT_TRAJECTORY, qos.EVENT
+            )
+            self.create_subscription(
+                JointState, topics.JOINT_STATES, self._joints.hear, qos.STREAM_IN
+            )
+        topic = topics.COMMANDING[values["command"]].name
         self.create_subscription(kind, topic, self._on_command, qos.STREAM_IN)
         self.create_subscription(
             FusedEstimate, topics.FUSED_ESTIMATE, self._on_fused, qos.STREAM_IN
         )
         self.create_service(Trigger, topics.EMERGENCY_STOP, self._on_stop)
         self.create_service(Trigger, topics.RELEASE_STOP, self._on_release)
-        self.create_timer(1.0 / self._values["rate"], self._step)
+        self.create_timer(1.0 / values["rate"], self._step)
+
+    def _renew(self, stamp_ns: int = 0) -> None:
+        """Starts a governor for what the gripper holds, at rest where the robot is."""
+        tray = self._container.tray
+        held = tray if tray.present else tray.first.model
+        try:
+            arm = None
+            if not self._joints.missing:
+                arm = arm_of(self._robot, self._joints.places, self._values)
+            self._core = governor_of(held, self._values, arm)
+            self._refused = ""
+        except SloshPlanError as error:
+            self._core, self._refused = None, str(error)
+        self._settings.publish({**self._container.files, **files_of_robot(self._values)}, stamp_ns)
 
     def _on_command(self, message: Any) -> None:
         self._report.counts["command"] += 1
-        twist = isinstance(message, TwistStamped)
-        self._core.take(twist_command(message) if twist else pose_command(message))
+        if self._core is None or self._joints.missing:
+            return
+        if self._of_joints is not None:
+            command: Command = self._of_joints.command(
+                message, self._names, self._values["values"]
+            )
+        elif isinstance(message, TwistStamped):
+            command = twist_command(message)
+        else:
+            command = pose_command(message)
+        self._core.take(command)
 
     def _on_fused(self, message: FusedEstimate) -> None:
-        if message.trusted:
+        if message.trusted and self._core is not None:
             stamp_ns = to_nanoseconds(message.header.stamp)
             self._core.see(
                 SeenLiquid(
@@ -147,60 +159,88 @@ class GovernorNode(PreparedNode):
 
     def _step(self) -> None:
         now_ns = int(self.get_clock().now().nanoseconds)
-        if self._waits and self._core.rests and not self._container.tray.is_tray:
-            self._change(now_ns)
+        if self._waits and (self._core is None or self._core.rests):
+            self._waits = False
+            own = self._container.limit
+            self._values["limit"] = self._limit if math.isnan(own) else own
+            self._renew(now_ns)
+        elif self._is_elsewhere:
+            self._renew(now_ns)
+        if self._core is None or self._joints.missing:
+            self._moved = None
+            return
         started = time.perf_counter()
-        self._moved = moved = self._core.step(now_ns)
+        begun = self._core.commands > 0
+        self._moved = moved = self._core.step(now_ns) if begun else self._core.idle(now_ns)
         self._seconds.append(time.perf_counter() - started)
         frame = self._values["world_frame"]
-        self._safe.publish(safe_twist(moved, frame))
-        self._told.publish(governed_message(moved, frame))
+        if self._of_joints is None:
+            self._safe.publish(safe_twist(moved, frame))
+        else:
+            self._safe.publish(
+                self._of_joints.passed(
+                    moved, self._names, self._core.period, self._values["values"]
+                )
+            )
+        self._told.publish(governed_message(moved, frame, self._names))
+
+    @property
+    def _is_elsewhere(self) -> bool:
+        """Whether others have moved the robot while the governor was at rest."""
+        if self._robot is None or self._joints.missing:
+            return False
+        core = self._core
+        if core is None or core.arm is None:
+            return True
+        apart = np.abs(core.place - self._joints.places).max()
+        return bool(core.rests and apart > TUNING.governor_moved)
 
     def _on_container(self) -> None:
-        """Stops the motion; the governor for the next container starts at rest."""
+        """Stops the motion; the governor for the next containers starts at rest."""
         self._waits = True
-        self._core.stop()
-        if self._container.tray.is_tray:
-            self.get_logger().error(f"{ONE_CONTAINER}: at rest until the tray is gone")
-
-    def _change(self, now_ns: int) -> None:
-        """Starts the governor for another container."""
-        self._waits = False
-        own = self._container.limit
-        self._values["limit"] = self._limit if math.isnan(own) else own
-        self._core = governor_of(self._container.tray.first.model, self._values)
-        self._settings.publish(self._container.files, now_ns)
+        if self._core is not None:
+            self._core.stop()
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._report.counts["emergency_stop"] += 1
-        told = copy.deepcopy(self._core).stopped() if self._moved else []
-        self._core.stop()
         response.success, response.message = True, "at rest"
-        if told and self._moved and not self._core.rests:
-            moving = [self._moved, *told]
-            frame = self._values["world_frame"]
-            self._stops.publish(stop_message(moving, self._core.period, frame))
-            gone = math.dist(told[-1].position, self._moved.position)
-            highest = max(one.peak for one in told)
+        core, moved = self._core, self._moved
+        if core is None:
+            return response
+        told = copy.deepcopy(core).stopped() if moved and core.commands else []
+        core.stop()
+        if told and moved and not core.rests:
+            moving = [moved, *told]
+            self._stops.publish(stop_message(moving, core.period, self._values["world_frame"]))
+            if self._of_joints is not None:
+                self._joint_stops.publish(joint_trajectory(moving, self._names, core.period))
+            gone = math.dist(told[-1].position, moved.position)
+            highest = max(told, key=lambda one: one.peak / one.limit)
+            whose = f" in {highest.worst}" if highest.worst else ""
             response.message = (
-                f"at rest in {self._core.period * len(told):.2f} s, {1e3 * gone:.0f} mm from "
-                f"here; the liquid rises to {1e3 * highest:.1f} mm at most"
+                f"at rest in {core.period * len(told):.2f} s, {1e3 * gone:.0f} mm from "
+                f"here; the liquid{whose} rises to {1e3 * highest.peak:.1f} mm at most"
             )
         return response
 
     def _on_release(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = not self._waits and self._core.release()
-        response.message = "commands are followed" if response.success else "not at rest yet"
+        free = self._core is not None and not self._waits and self._core.release()
+        response.success = free
+        response.message = "commands are followed" if free else "not at rest yet"
         return response
 
     def _health(self) -> Health:
+        if self._refused:
+            return ERROR, self._refused
+        if self._joints.missing:
+            return WARN, f"no joint states of {', '.join(self._joints.missing)} yet"
         moved = self._moved
-        if moved is None:
-            return OK, "no step yet"
+        if moved is None or not moved.steps:
+            return OK, "no command yet"
         if not moved.safe:
             return ERROR, (
-                f"no stop keeps {1e3 * moved.limit:.3g} mm: the lowest found reaches "
-                f"{1e3 * moved.peak:.3g} mm"
+                f"no stop keeps the limits: the best found reaches {1e3 * moved.peak:.3g} of "
+                f"{1e3 * moved.limit:.3g} mm {moved.worst}".rstrip()
             )
         doing = moved.state.name.lower()
         if moved.state is GovernorState.STOPPING or moved.reason:
@@ -218,6 +258,7 @@ class GovernorNode(PreparedNode):
             facts |= {
                 "share": round(self._moved.share, 3),
                 "margin [mm]": round(1e3 * self._moved.margin, 2),
+                "worst container": self._moved.worst,
             }
         return facts
 

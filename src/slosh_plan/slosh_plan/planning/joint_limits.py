@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from slosh_base.files.yaml_document import read_yaml
+from slosh_base.files.yaml_document import parse_yaml, read_yaml
 from slosh_base.types import Array
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.joints import Arm
@@ -86,14 +86,28 @@ def read_joint_limits(path: Path) -> dict[str, dict[str, float]]:
     Raises:
         SloshFileError, SloshPlanError: no such file, a limit that is no positive number.
     """
-    document = read_yaml(path).value
+    return _joint_limits(read_yaml(path).value, str(path))
+
+
+def parse_joint_limits(
+    text: str, source: str = "joint_limits.yaml"
+) -> dict[str, dict[str, float]]:
+    """Returns the same from the text of such a file.
+
+    Raises:
+        SloshFileError, SloshPlanError: as `read_joint_limits`.
+    """
+    return _joint_limits(parse_yaml(text, source).value, source)
+
+
+def _joint_limits(document: Any, source: str) -> dict[str, dict[str, float]]:
     section = document.get(SECTION) if isinstance(document, Mapping) else None
     if not isinstance(section, Mapping):
-        raise SloshPlanError(f"{path}: the section {SECTION} is missing")
-    return {str(joint): _limits(path, str(joint), entry) for joint, entry in section.items()}
+        raise SloshPlanError(f"{source}: the section {SECTION} is missing")
+    return {str(joint): _limits(source, str(joint), entry) for joint, entry in section.items()}
 
 
-def _limits(path: Path, joint: str, entry: Any) -> dict[str, float]:
+def _limits(path: str, joint: str, entry: Any) -> dict[str, float]:
     if not isinstance(entry, Mapping):
         raise SloshPlanError(f"{path}: {SECTION}.{joint} must hold limits by their names")
     found = {}

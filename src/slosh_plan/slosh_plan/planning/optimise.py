@@ -154,7 +154,7 @@ class PathSearch:
         return PathSolution(legs, bool(stats["success"]), str(stats["return_status"]))
 
     def _solver(self, seconds: float) -> Any:
-        """Returns IPOPT's solver; creates a new one if its time limit is too long."""
+        """Returns IPOPT's solver; makes a new one if its time limit exceeds the time left."""
         if self._made is None or seconds < 0.6 * self._made_for:
             options = {
                 "iteration_callback": self._stopper, "ipopt.max_wall_time": max(seconds, 0.1)

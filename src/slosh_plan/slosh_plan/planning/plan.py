@@ -18,7 +18,6 @@ from slosh_base.types import Array
 from slosh_model import Model
 from slosh_model.for_notebooks import Shown, height_axes, table
 from slosh_plan.errors import SloshPlanError
-from slosh_plan.limits import HeightLimits
 from slosh_plan.planning import optimise
 from slosh_plan.planning.checked import CheckedMotion, Checker, LooseContainer, attitudes, horizon
 from slosh_plan.planning.known_laws import LONGEST, Scaled, best_scaled
@@ -27,8 +26,7 @@ from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import StoppedError, Watch
 from slosh_plan.planning.search import Found, Legs, OptimalSearch
 from slosh_plan.planning.time_law import PlannedMotion
-from slosh_plan.prediction import ModelError, check_start, predict
-from slosh_plan.start import LiquidState
+from slosh_plan.prediction import ModelError, predict
 from slosh_plan.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -220,7 +218,7 @@ def fastest_law(check: Checker, path: Path, limits: PlanLimits, watch: Watch) ->
 
 
 def tilting(model: Model, limits: PlanLimits, path: Path) -> Model:
-    """Returns the model for planning; it includes gravity by tilt if the container may tilt.
+    """Returns the model for planning, with gravity along the floor if the container may tilt.
 
     Raises:
         SloshPlanError: the joints determine the attitude, and yet the container may tilt.
@@ -271,34 +269,3 @@ def upright_yaw(attitude: Array | None) -> float:
             f"the container is tilted by {tilt:.3g}°: only upright containers can be planned for"
         )
     return 2.0 * math.atan2(z, w)
-
-
-def check_state(model: Model, limits: PlanLimits, state: LiquidState) -> None:
-    """Raises SloshPlanError if the liquid exceeds the limit even before any motion."""
-    check_start(model, state, HeightLimits(limits.height))
-
-
-def check_plan_from(
-    model: Model, answer: Plan, attitude: Array | None, state: LiquidState
-) -> None:
-    """Raises SloshPlanError if a plan exceeds its limits from a given initial state.
-
-    Args:
-        model: as it was planned with.
-        answer: the plan.
-        attitude: (4,) that the container keeps; None: not turned.
-        state: the liquid when the motion begins.
-    """
-    motion, limits = answer.found.motion, answer.limits
-    turned = attitudes(motion, attitude, len(motion.t))
-    trajectory = Trajectory(motion.t, motion.acceleration, turned, name="the plan")
-    heights = HeightLimits(limits.height, limits.residual)
-    (found,) = predict(
-        model, trajectory, limits=heights, state=state, horizon=horizon(model)
-    )  # fmt: skip
-    peak, residual = found.nonlinear.peak, found.nonlinear.residual
-    if peak > limits.height or residual > limits.residual:
-        raise SloshPlanError(
-            f"the liquid moves: from its state now the plan reaches {1e3 * peak:.1f} mm and "
-            f"leaves {1e3 * residual:.1f} mm; wait until it has settled"
-        )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -17,7 +18,8 @@ from slosh_plan.planning.path import Path
 from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, plan
 from slosh_plan.planning.progress import Watch
 from slosh_plan.planning.robust import LikelyHeights, likely_use, plan_robust
-from slosh_plan.prediction import ModelError, Prediction
+from slosh_plan.prediction import ModelError, Prediction, check_start
+from slosh_plan.start import LiquidStates, state_of
 from slosh_plan.trajectory import Trajectory
 from slosh_plan.tray import TrayPrediction, check_present, limits_of, predict_tray
 
@@ -188,6 +190,49 @@ def plan_container(
     )  # fmt: skip
 
 
+def check_states(tray: Tray, limits: PlanLimits, states: LiquidStates) -> None:
+    """Raises SloshPlanError if a container's liquid exceeds its limit even before any motion."""
+    for one in tray.present:
+        with _named(one.name):
+            check_start(one.placed, state_of(states, one.name), limits_of(one, limits))
+
+
+def check_plan_from(
+    tray: Tray, answer: Plan, limits: PlanLimits, attitude: Array | None, states: LiquidStates
+) -> None:
+    """Raises SloshPlanError if a plan exceeds a limit from the present state of the liquid.
+
+    Args:
+        tray: a tray, or a model as a tray of one.
+        answer: the plan.
+        limits: that it was made with.
+        attitude: (4,) that the tray keeps; None: not turned.
+        states: the liquid when the motion begins.
+    """
+    found = _predicted(tray, answer, limits, attitude, None, states)
+    for name, one in found.containers.items():
+        peak, residual = one.nonlinear.peak, one.nonlinear.residual
+        if peak > one.limits.height or residual > one.limits.residual:
+            with _named(name):
+                raise SloshPlanError(
+                    f"the liquid moves: from its state now the plan reaches {1e3 * peak:.1f} mm "
+                    f"and leaves {1e3 * residual:.1f} mm; wait until it has settled"
+                )
+    if found.falling:
+        raise SloshPlanError(f"the liquid moves: {found.falling}; wait until it has settled")
+
+
+@contextmanager
+def _named(container: str) -> Iterator[None]:
+    """Names the container of a tray in a SloshPlanError."""
+    try:
+        yield
+    except SloshPlanError as error:
+        if not container:
+            raise
+        raise SloshPlanError(f"container {container}: {error}") from None
+
+
 def _height(one: TrayContainer, limits: PlanLimits) -> float:
     return limits_of(one, limits).under_rim(one.model).height
 
@@ -199,7 +244,12 @@ def _use(found: Prediction, margin: float) -> float:
 
 
 def _predicted(
-    tray: Tray, answer: Plan, limits: PlanLimits, attitude: Array | None, error: ModelError | None
+    tray: Tray,
+    answer: Plan,
+    limits: PlanLimits,
+    attitude: Array | None,
+    error: ModelError | None,
+    states: LiquidStates | None = None,
 ) -> TrayPrediction:
     """Predicts the response of each container on the tray to a plan."""
     motion = answer.found.motion
@@ -207,4 +257,6 @@ def _predicted(
     trajectory = Trajectory(motion.t, motion.acceleration, turned, name="the plan")
     asked = HeightLimits(limits.height, limits.residual, rim_distance=limits.rim_distance)
     longest = max(horizon(one.model) for one in tray.present)
-    return predict_tray(tray, [trajectory], limits=asked, horizon=longest, error=error)[0]
+    return predict_tray(
+        tray, [trajectory], limits=asked, state=states, horizon=longest, error=error
+    )[0]

@@ -15,7 +15,7 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_model import Inputs, Model, simulate
 from slosh_plan.planning.checked import CheckedMotion, Checker, attitudes
-from slosh_plan.planning.flow import flow_of
+from slosh_plan.planning.flow import first_mode, flow_of
 from slosh_plan.planning.interval import CHAIN
 from slosh_plan.planning.known_laws import LONGEST, Scaled, leg_durations
 from slosh_plan.planning.limits import PlanLimits
@@ -253,7 +253,7 @@ def waves_of(models: Sequence[Model], motion: PlannedMotion) -> Callable[[Array]
     """Simulates a motion; returns a function of time with the first mode of each model."""
     turned = attitudes(motion, None, len(motion.t))
     inputs = Inputs(motion.t, motion.acceleration, turned)
-    modal = np.hstack([simulate(model, inputs)[0].modal[:, 0] for model in models])
+    modal = np.hstack([first_mode(model, simulate(model, inputs)[0].modal) for model in models])
     return lambda t: _at(t, motion.t, modal)
 
 

@@ -54,6 +54,16 @@ function showCalm(calm) {
   put("calm-words", known ? [WHY[calm.reason], `calm: up to ${millimetres(calm.tolerance)} mm`].filter(Boolean).join("; ") : "");
 }
 
+const STOPS = ["", "no command", "unusable command", "late clock", "stop requested"];
+
+function showGovernor(governor) {
+  const known = governor.share !== undefined;
+  part("governor").hidden = !known;
+  if (!known) return;
+  put("share", (100 * governor.share).toFixed(0));
+  put("governor-words", words(["following", "limited", "stopping", "at rest"][governor.state], STOPS[governor.reason], governor.safe ? "" : "no stop keeps the limit"));
+}
+
 function row(cells) {
   const line = document.createElement("tr");
   for (const [text, name] of cells) {
@@ -107,9 +117,12 @@ function show(frame) {
   showNow(frame.now);
   const container = state.container && state.container.outline ? state.container : null;
   part("side-part").hidden = !container;
-  if (container) drawSide(part("side"), container, frame.surface, state.limits.measured);
+  if (container) drawSide(part("side"), container.outline, Math.cos, frame.surface, state.limits.measured);
+  part("end-part").hidden = !(container && container.across);
+  if (container && container.across) drawSide(part("end"), container.across, Math.sin, frame.surface, state.limits.measured);
   showCalm(frame.calm || {});
-  drawAbove(part("above"), frame.surface, state.limits.measured);
+  showGovernor(frame.governor || {});
+  drawAbove(part("above"), frame.surface, state.limits.measured, container && container.plan);
   heights.draw();
 }
 

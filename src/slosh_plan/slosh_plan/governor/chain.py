@@ -1,0 +1,154 @@
+"""Compiled forward kinematics: the acceleration that containers on a moving link feel.
+
+Of a chain of joints without branches; velocities and accelerations go from link to link (Siciliano
+et al., Robotics, 2009, ch. 7.2). Vectors and rotations (by rows) are tuples, which stay in the
+processor's registers.
+"""
+
+from __future__ import annotations
+
+import math
+
+from slosh_base.compiled.compilation import compiled
+from slosh_model.constants import GRAVITY
+from slosh_plan.governor.layout import (
+    ALONG,
+    COLUMN,
+    COSINE,
+    FIXED,
+    OFFSET,
+    PLACE,
+    RATE,
+    SINE,
+    SLIDES,
+    STEP,
+    TIMES,
+    TURNS,
+    VELOCITY,
+)
+
+UPSIDE = 1e-6
+"""Least 1 + cosine of a tilt."""
+
+
+@compiled
+def _times(r, x, y, z):  # type: ignore[no-untyped-def]
+    """Returns a rotated vector."""
+    return (
+        r[0] * x + r[1] * y + r[2] * z,
+        r[3] * x + r[4] * y + r[5] * z,
+        r[6] * x + r[7] * y + r[8] * z,
+    )
+
+
+@compiled
+def _cross(a, b):  # type: ignore[no-untyped-def]
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+@compiled
+def _carried(force, spin, change, r):  # type: ignore[no-untyped-def]
+    """Returns the acceleration of a point at r from one with a known acceleration on its link.
+
+    Args:
+        force: the known one [m/s²].
+        spin, change: angular velocity and its derivative [rad/s, rad/s²].
+        r: [m].
+    """
+    turned = _cross(change, r)
+    along = spin[0] * r[0] + spin[1] * r[1] + spin[2] * r[2]
+    square = spin[0] * spin[0] + spin[1] * spin[1] + spin[2] * spin[2]
+    return (
+        force[0] + turned[0] + spin[0] * along - r[0] * square,
+        force[1] + turned[1] + spin[1] * along - r[1] * square,
+        force[2] + turned[2] + spin[2] * along - r[2] * square,
+    )
+
+
+@compiled
+def _column(joint, s, c, k):  # type: ignore[no-untyped-def]
+    """Returns a column of a joint's rotation, by the sine and cosine of its angle."""
+    a, b, d = FIXED + k, COSINE + k, SINE + k
+    return (
+        joint[a] + c * joint[b] + s * joint[d],
+        joint[a + 3] + c * joint[b + 3] + s * joint[d + 3],
+        joint[a + 6] + c * joint[b + 6] + s * joint[d + 6],
+    )
+
+
+@compiled
+def _turned(r, joint, angle):  # type: ignore[no-untyped-def]
+    """Returns the rotation of the link behind a joint that has turned by an angle [rad]."""
+    s, c = math.sin(angle), math.cos(angle)
+    x0, x1, x2 = _column(joint, s, c, 0)
+    y0, y1, y2 = _column(joint, s, c, 1)
+    z0, z1, z2 = _column(joint, s, c, 2)
+    x, y, z = _times(r, x0, x1, x2), _times(r, y0, y1, y2), _times(r, z0, z1, z2)
+    return x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]
+
+
+@compiled
+def _felt(r, force, point, felt):  # type: ignore[no-untyped-def]
+    """Writes a point's acceleration as if the container were upright, by its specific force."""
+    fx, fy, fz = force[0], force[1], force[2] + GRAVITY
+    if point[TURNS] != 0.0:
+        felt[0] = r[0] * fx + r[3] * fy + r[6] * fz
+        felt[1] = r[1] * fx + r[4] * fy + r[7] * fz
+        felt[2] = r[2] * fx + r[5] * fy + r[8] * fz - GRAVITY
+    else:
+        # A liquid in a round wall does not turn with it: the tilt alone, by the shortest way.
+        ux, uy, uz = r[2], r[5], r[8]
+        part = (ux * fx + uy * fy) / max(1.0 + uz, UPSIDE)
+        felt[0], felt[1] = fx - ux * (part + fz), fy - uy * (part + fz)
+        felt[2] = ux * fx + uy * fy + uz * fz - GRAVITY
+
+
+@compiled
+def felt_at(joints, points, motion, felt, moved):  # type: ignore[no-untyped-def]
+    """Computes what containers on the last link feel in a state of motion.
+
+    Args:
+        joints: (J + 1, JOINT) from the root on; the last is the moving link, fixed to the joint
+            before it.
+        points: (P, 4) of the containers in that link's frame.
+        motion: (3, D) rates, accelerations and positions of the coordinates.
+        felt: (P, 3) receives accelerations in axes that tilt with the container [m/s²].
+        moved: (3,) receives the acceleration of the frame's origin in the world [m/s²].
+    """
+    r = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    spin, change, force = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for number in range(joints.shape[0]):
+        joint = joints[number]
+        column, factor = int(joint[COLUMN]), joint[TIMES]
+        at = factor * motion[PLACE, column] + joint[OFFSET]
+        v, a = factor * motion[VELOCITY, column], factor * motion[RATE, column]
+        slid = at * joint[SLIDES]
+        axis = _times(r, joint[ALONG], joint[ALONG + 1], joint[ALONG + 2])
+        step = _times(r, joint[STEP], joint[STEP + 1], joint[STEP + 2])
+        step = (step[0] + slid * axis[0], step[1] + slid * axis[1], step[2] + slid * axis[2])
+        force = _carried(force, spin, change, step)
+        across = _cross(spin, axis)
+        if joint[SLIDES] != 0.0:
+            force = (
+                force[0] + 2.0 * v * across[0] + a * axis[0],
+                force[1] + 2.0 * v * across[1] + a * axis[1],
+                force[2] + 2.0 * v * across[2] + a * axis[2],
+            )
+        else:
+            change = (
+                change[0] + v * across[0] + a * axis[0],
+                change[1] + v * across[1] + a * axis[1],
+                change[2] + v * across[2] + a * axis[2],
+            )
+            spin = (spin[0] + v * axis[0], spin[1] + v * axis[1], spin[2] + v * axis[2])
+        r = _turned(r, joint, at)
+    for k in range(3):
+        moved[k] = force[k]
+    for number in range(points.shape[0]):
+        point = points[number]
+        there = _times(r, point[0], point[1], point[2])
+        _felt(r, _carried(force, spin, change, there), point, felt[number])

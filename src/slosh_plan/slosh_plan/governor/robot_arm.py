@@ -1,0 +1,117 @@
+"""The robot whose joints a governor moves: its chain, its limits and where it starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from slosh_base.types import Array
+from slosh_plan.errors import SloshPlanError
+from slosh_plan.governor import layout
+from slosh_plan.joints import Arm, Link
+from slosh_plan.planning.joint_limits import JointLimits
+from slosh_plan.tuning import TUNING
+
+NO_JOINTS = np.zeros((0, layout.JOINT))
+"""Chain of a motion that is governed by x, y, z."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GovernedArm:
+    """A robot that carries the containers, as the governor moves it.
+
+    Attributes:
+        arm: its kinematics; the link is the container, or the tray.
+        limits: of the joints that carry the link, in this order; accelerations and jerks finite.
+        start: (J,) their positions before the first step [rad or m].
+
+    Raises:
+        SloshPlanError: a start outside of the limits; an acceleration or jerk without a limit.
+    """
+
+    arm: Arm
+    limits: JointLimits
+    start: Array
+
+    def __post_init__(self) -> None:
+        limits = self.limits
+        if not (np.isfinite(limits.acceleration).all() and np.isfinite(limits.jerk).all()):
+            raise SloshPlanError(
+                "the governor needs a limit of each joint's acceleration and jerk"
+            )
+        limits.check_positions(np.asarray(self.start)[np.newaxis], "joint states")
+
+    def __deepcopy__(self, _: dict[int, object]) -> GovernedArm:
+        """Returns itself: nothing in it changes, and kinematics cannot be copied."""
+        return self
+
+    def at(self, start: Array) -> GovernedArm:
+        """Returns the robot with another start.
+
+        Raises:
+            SloshPlanError: it is outside of the limits.
+        """
+        return replace(self, start=start)
+
+    @property
+    def chain(self) -> Array:
+        """Joints and the link behind them, (J + 1, JOINT); see `layout`."""
+        links, end = self.arm.chain()
+        table = np.zeros((len(links) + 1, layout.JOINT))
+        for row, link in zip(table, links, strict=False):
+            _place(row, link)
+            row[layout.COLUMN] = self.limits.names.index(link.joint)
+        still = Link("", 0.0, 0.0, True, np.zeros(3), end)
+        _place(table[-1], still)
+        return table
+
+    @property
+    def bounds(self) -> Array:
+        """Limits (5, J) of each joint; see `layout.LOWER`."""
+        one = self.limits
+        slack = 1e-6  # rounding of who reported the start
+        return np.stack(
+            [
+                np.minimum(one.lower, self.start) - slack,
+                np.maximum(one.upper, self.start) + slack,
+                one.velocity, one.acceleration, one.jerk,
+            ]
+        )  # fmt: skip
+
+    def usable(self, target: Sequence[float]) -> bool:
+        """Whether joint positions are a possible target; a little beyond the limits is at them."""
+        beyond = TUNING.governor_beyond
+        place = np.array(target, dtype=np.float64)
+        inside = (place >= self.limits.lower - beyond) & (place <= self.limits.upper + beyond)
+        return bool(np.isfinite(place).all() and inside.all())
+
+
+def _place(row: Array, link: Link) -> None:
+    """Fills a row of the chain; a rotation by an angle is n nᵀ + cos (1 - n nᵀ) + sin [n]."""
+    row[layout.SLIDES] = link.slides
+    row[layout.TIMES], row[layout.OFFSET] = link.multiplier, link.offset
+    rotation, (x, y, z) = link.placement[:9].reshape(3, 3), link.axis
+    row[layout.ALONG : layout.ALONG + 3] = rotation @ link.axis
+    row[layout.STEP : layout.STEP + 3] = link.placement[9:]
+    parts = [rotation, np.zeros((3, 3)), np.zeros((3, 3))]
+    if not link.slides:
+        along = np.outer(link.axis, link.axis)
+        turn = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        parts = [rotation @ along, rotation @ (np.eye(3) - along), rotation @ turn]
+    row[layout.FIXED :] = np.concatenate([part.ravel() for part in parts])
+
+
+def with_defaults(limits: JointLimits, acceleration: float, jerk: float) -> JointLimits:
+    """Returns joint limits with finite accelerations and jerks.
+
+    Args:
+        limits: of the description and of MoveIt's joint_limits.yaml.
+        acceleration, jerk: of joints without such a limit [rad/s² or m/s², rad/s³ or m/s³].
+    """
+    return replace(
+        limits,
+        acceleration=np.where(np.isfinite(limits.acceleration), limits.acceleration, acceleration),
+        jerk=np.where(np.isfinite(limits.jerk), limits.jerk, jerk),
+    )

@@ -1,0 +1,213 @@
+"""Compiled shares of its limits that a container uses in a motion and the stop after it.
+
+Heights come from `slosh_model.batch_kernel`, a lane for each model and candidate. What a loosely
+standing container needs of friction and of its base is computed as in
+`slosh_model.standing_use`, from the displacement of the liquid's mass that the heights tell.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from slosh_base.compiled.compilation import compiled
+from slosh_model.batch_kernel import advance_lanes
+from slosh_model.constants import GRAVITY
+from slosh_model.indices import GAIN, GAIN_Y, POSE_COUNT
+from slosh_model.kernel import constants_of, corner_height, lightness, turned
+from slosh_model.layout import records
+from slosh_model.outline_wall import highest_at_corners
+from slosh_plan.governor.layout import (
+    ARM_X,
+    BASE,
+    CENTRE,
+    DRIVEN,
+    EXTRA,
+    FRICTION,
+    LIGHT,
+    LIMIT,
+    MASS_POINT,
+    MASS_X,
+    MODELS,
+    MODULATED,
+    NOMINAL,
+    PEAK,
+    POINT,
+    RESERVE,
+    SIZE,
+    SLIP,
+    SPREAD,
+    STEPS,
+    TIP,
+    USE,
+)
+
+LEAST = 1e-3
+"""Least specific force that presses a container on its tray [m/s²]."""
+
+
+@compiled
+def _simulated(stores, cup, driven, which, intervals, count, heights):  # type: ignore[no-untyped-def]
+    """Writes the wall heights of all models in some candidates, a lane for each."""
+    lanes, size = which.shape[0] * MODELS, int(cup[SIZE])
+    copies = np.empty((lanes, size))
+    rows = np.empty(lanes, dtype=np.int64)
+    for lane in range(lanes):
+        for k in range(size):
+            copies[lane, k] = stores[lane % MODELS, k]
+        rows[lane] = lane // MODELS
+    inputs = np.empty((which.shape[0], count, 3))
+    for one in range(which.shape[0]):
+        for row in range(count):
+            inputs[one, row] = driven[which[one], int(cup[POINT]), row]
+    counts = np.full(count - 1, int(cup[STEPS]))
+    advance_lanes(
+        copies, counts, np.zeros(lanes, dtype=np.int64), rows,
+        intervals[: count - 1].copy().reshape(1, count - 1), inputs,
+        np.empty((0, count)), np.empty((0, count, POSE_COUNT)), cup[DRIVEN] != 0.0,
+        cup[MODULATED] != 0.0, heights,
+    )  # fmt: skip
+
+
+@compiled
+def _on_wall(run, x, y, both_ways):  # type: ignore[no-untyped-def]
+    """Returns the greatest height on a container's wall [m].
+
+    Args:
+        run: its record of `layout.RUN`.
+        x, y: wall heights at its +x and +y; or, `both_ways`, amplitudes of either sign in the axes
+            of its modes [m].
+    """
+    count = int(run["corner_count"])
+    if count == 0:
+        return corner_height(x, y) if run["cornered"] != 0.0 else math.sqrt(x * x + y * y)
+    if not both_ways:
+        return highest_at_corners(run["corners"], count, x, y)
+    best = 0.0
+    for sign in (-1.0, 1.0):
+        along, across = turned(x, sign * y, -run["axes"])
+        best = max(best, highest_at_corners(run["corners"], count, along, across))
+        best = max(best, highest_at_corners(run["corners"], count, -along, -across))
+    return best
+
+
+@compiled
+def _highest(heights, count, end, run, mode):  # type: ignore[no-untyped-def]
+    """Returns the greatest height of a lane; infinite where one is unknown.
+
+    After a stop waves along two axes with different frequencies may meet with their crests at any
+    time: the highest of both add.
+    """
+    beating = run["cornered"] != 0.0 or mode["frequency_ratio"] != 1.0 or mode["along_x"] != 0.0
+    top = last_x = last_y = 0.0
+    for row in range(1, count):
+        x, y = heights[row, 0], heights[row, 1]
+        after = beating and row >= end - 1
+        if after:
+            x, y = turned(x, y, run["axes"])
+            x = last_x = max(last_x, abs(x))
+            y = last_y = max(last_y, abs(y))
+        eta = _on_wall(run, x, y, after)
+        top = max(top, eta) if eta == eta else math.inf
+    return top
+
+
+@compiled
+def _placed(store, heights, felt, count, placed):  # type: ignore[no-untyped-def]
+    """Writes the displacement of the first mode's mass at each sample, from the wall heights.
+
+    In the axes of the mode.
+    """
+    runs, modes = records(store)
+    run, constants = runs[0], constants_of(modes[0])
+    placed[0, 0], placed[0, 1] = modes[0]["x"], modes[0]["y"]
+    for row in range(1, count):
+        light = lightness(run["lift"], felt[row, 2])
+        x, y = turned(heights[row, 0], heights[row, 1], run["axes"])
+        ax, ay = turned(felt[row, 0], felt[row, 1], run["axes"])
+        x += run["static_height"] * light * ax
+        y += run["static_height_y"] * light * ay
+        placed[row, 0], placed[row, 1] = x / constants[GAIN], y / constants[GAIN_Y]
+
+
+@compiled
+def _standing(cup, placed, felt, axes, intervals, count):  # type: ignore[no-untyped-def]
+    """Returns the largest shares of friction and base that a lane uses; see `standing_use`.
+
+    All is added in the axes of the mode, `axes` [rad] away from the container's.
+    """
+    slip = tip = 0.0
+    for row in range(1, count - 1):
+        before, behind = intervals[row - 1], intervals[row]
+        force = felt[row, 2] + GRAVITY
+        lateral = moment = 0.0
+        pushed = turned(felt[row, 0], felt[row, 1], axes)
+        for k in range(2):
+            q, push = placed[row, k], pushed[k]
+            change = (placed[row + 1, k] - q) / behind - (q - placed[row - 1, k]) / before
+            change *= 2.0 / (before + behind)
+            mass = cup[MASS_X + k]
+            lateral += (push + mass * change) ** 2
+            moment += (mass * (q * force - cup[ARM_X + k] * change) - cup[CENTRE] * push) ** 2
+        if not force > LEAST:
+            return math.inf, math.inf
+        slip = max(slip, math.sqrt(lateral) / (cup[FRICTION] * force))
+        tip = max(tip, math.sqrt(moment) / (cup[BASE] * force))
+    return slip, tip
+
+
+@compiled
+def _raised(values, settings):  # type: ignore[no-untyped-def]
+    """Returns the greatest of all models' answers, raised for those between them."""
+    highest, least = 0.0, math.inf
+    for model in range(MODELS):
+        highest = max(highest, values[model])
+        if 0 < model <= LIGHT:
+            least = min(least, values[model])
+    return (highest + settings[SPREAD] * (highest - least)) * (1.0 + settings[RESERVE])
+
+
+@compiled
+def add_uses(stores, cup, driven, which, ends, intervals, count, settings, uses):  # type: ignore[no-untyped-def]
+    """Writes what some candidates use of a container's limits.
+
+    Args:
+        stores: (MODELS, …) of the container at this moment.
+        cup: (CUP,).
+        driven: (CANDIDATES, P, rows, 3) acceleration at each point.
+        which: (N,) the candidates.
+        ends: (CANDIDATES,) rows until each is at rest.
+        intervals: time from a row to the next [s].
+        count: of the rows that are looked at.
+        settings: (SETTINGS,).
+        uses: (CANDIDATES, USES); the rows of these candidates are written.
+    """
+    heights = np.empty((which.shape[0] * MODELS, count, 2))
+    _simulated(stores, cup, driven, which, intervals, count, heights)
+    runs, modes = records(stores[0, : int(cup[SIZE])])
+    loose = cup[FRICTION] > 0.0
+    tops, slips, tips = np.zeros(MODELS), np.zeros(MODELS), np.zeros(MODELS)
+    placed = np.empty((count if loose else 0, 2))
+    for one in range(which.shape[0]):
+        candidate = which[one]
+        for model in range(MODELS):
+            lane = heights[one * MODELS + model]
+            tops[model] = _highest(lane, count, ends[candidate], runs[0], modes[0])
+            if loose:
+                store = stores[model, : int(cup[SIZE])]
+                _placed(store, lane, driven[candidate, int(cup[POINT])], count, placed)
+                slips[model], tips[model] = _standing(
+                    cup,
+                    placed,
+                    driven[candidate, int(cup[MASS_POINT])],
+                    runs[0]["axes"],
+                    intervals,
+                    count,
+                )
+        found = uses[candidate]
+        found[PEAK], found[NOMINAL] = _raised(tops, settings) + cup[EXTRA], tops[0]
+        found[USE] = found[PEAK] / cup[LIMIT]
+        if loose:
+            found[SLIP], found[TIP] = _raised(slips, settings), _raised(tips, settings)
+            found[USE] = max(found[USE], max(found[SLIP], found[TIP]))

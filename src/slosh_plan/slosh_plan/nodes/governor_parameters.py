@@ -1,0 +1,66 @@
+"""Parameters of the governor node."""
+
+from __future__ import annotations
+
+from slosh_msgs_py import topics
+from slosh_msgs_py.node.parameters import ParameterSpec
+from slosh_plan.governor import ModelDoubt
+from slosh_plan.governor.parameters import POSITION, VELOCITY
+from slosh_plan.planning.limits import ACCELERATION, JERK
+from slosh_plan.tuning import TUNING
+
+PARAMETERS = (
+    ParameterSpec(
+        "model", "", "model file of the container and its liquid (model.yaml), or tray.yaml"
+    ),
+    ParameterSpec("limit", 0.02, "limit of the height [m]; 0: the rim alone", (0.0, 1.0)),
+    ParameterSpec(
+        "rim_distance", 0.0,
+        "least distance of the liquid to the rim [m]; 0: the rim itself", (0.0, 1.0),
+    ),
+    ParameterSpec(
+        "max_acceleration", ACCELERATION, "limit of the acceleration [m/s²]", (0.01, 100.0)
+    ),
+    ParameterSpec("max_jerk", JERK, "limit of the jerk [m/s³]", (0.1, 10_000.0)),
+    ParameterSpec("rate", 100.0, "steps and messages per second", (20.0, 1000.0)),
+    ParameterSpec(
+        "timeout", TUNING.governor_timeout, "time for which a command holds [s]", (0.01, 10.0)
+    ),
+    ParameterSpec(
+        "frequency_error", ModelDoubt().frequency,
+        "largest relative error of the model's natural frequency", (0.0, 0.3),
+    ),
+    ParameterSpec(
+        "damping_factor", ModelDoubt().damping,
+        "factor by which the damping may be larger or smaller", (1.0, 10.0),
+    ),
+    ParameterSpec(
+        "friction", 1.0, "share of the friction that loosely standing containers may use",
+        (0.01, 1.0),
+    ),
+    ParameterSpec(
+        "tipping", 1.0, "share of the base's radius that the centre of pressure of loosely "
+        "standing containers may use", (0.01, 1.0),
+    ),
+    ParameterSpec(
+        "command", "twist", "kind of the commands", choices=tuple(topics.COMMANDING)
+    ),
+    ParameterSpec("world_frame", "world", "frame of the commands, on all output"),
+    ParameterSpec("urdf", "", "URDF file of the robot, for commands of joints"),
+    ParameterSpec("tool_frame", "", "link of the robot that is the container or tray"),
+    ParameterSpec(
+        "joint_limits", "", "MoveIt's joint_limits.yaml, to override URDF limits; empty if unused"
+    ),
+    ParameterSpec(
+        "max_joint_acceleration", 10.0, "limit of joints that have none [rad/s² or m/s²]",
+        (0.01, 1000.0),
+    ),
+    ParameterSpec(
+        "max_joint_jerk", 200.0, "limit of joints that have none [rad/s³ or m/s³]",
+        (0.1, 100_000.0),
+    ),
+    ParameterSpec(
+        "values", POSITION, "meaning of the numbers of joint_values",
+        choices=(POSITION, VELOCITY),
+    ),
+)  # fmt: skip

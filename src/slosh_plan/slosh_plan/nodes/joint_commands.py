@@ -1,0 +1,184 @@
+"""Converts messages to joint commands, and governed motions of joints to messages."""
+
+from __future__ import annotations
+
+import array
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from slosh_base.files.bounded_text import read_text
+from slosh_base.files.nanoseconds import SECOND
+from slosh_estimator.robot import LONGEST, read_urdf
+from slosh_msgs_py import topics
+from slosh_msgs_py.stamps import to_duration, to_nanoseconds, to_time
+from slosh_plan.errors import SloshPlanError
+from slosh_plan.governor import Command, Governed
+from slosh_plan.governor.parameters import VELOCITY, joint_command
+from slosh_plan.robot_file import CarryingRobot, read_robot
+
+_RATE, _CHANGE, _PLACE = range(3)
+"""Rows of `Governed.joints`."""
+
+
+class JointTopics(NamedTuple):
+    """Topics and messages of one kind of joint commands.
+
+    Attributes:
+        desired, safe: names of the topics of commands and of what is passed on.
+        message: type of both.
+        command: makes a command of a message.
+        passed: makes the message of a step.
+    """
+
+    desired: str
+    safe: str
+    message: type
+    command: Callable[[Any, Sequence[str], str], Command]
+    passed: Callable[[Governed, Sequence[str], float, str], Any]
+
+
+def _of_state(message: JointState, joints: Sequence[str], _: str) -> Command:
+    stamp_ns = to_nanoseconds(message.header.stamp)
+    return joint_command(
+        stamp_ns, joints, message.name, list(message.position), list(message.velocity)
+    )
+
+
+def _of_trajectory(message: JointTrajectory, joints: Sequence[str], _: str) -> Command:
+    """Creates the command of a trajectory of one point, as MoveIt Servo sends it."""
+    stamp_ns, names = to_nanoseconds(message.header.stamp), message.joint_names
+    if len(message.points) != 1:
+        return joint_command(stamp_ns, joints, names, (), ())
+    (point,) = message.points
+    return joint_command(stamp_ns, joints, names, list(point.positions), list(point.velocities))
+
+
+def _of_values(message: Float64MultiArray, joints: Sequence[str], values: str) -> Command:
+    given, none = list(message.data), ()
+    pair = (none, given) if values == VELOCITY else (given, none)
+    return joint_command(0, joints, (), *pair)
+
+
+def _state(moved: Governed, joints: Sequence[str], period: float, values: str) -> JointState:
+    message = JointState(name=list(joints))
+    message.header.stamp = to_time(moved.stamp_ns)
+    message.position, message.velocity = _doubles(moved, _PLACE), _doubles(moved, _RATE)
+    return message
+
+
+def _trajectory(
+    moved: Governed, joints: Sequence[str], period: float, values: str
+) -> JointTrajectory:
+    return joint_trajectory([moved], joints, period, first=1)
+
+
+def _values(
+    moved: Governed, joints: Sequence[str], period: float, values: str
+) -> Float64MultiArray:
+    return Float64MultiArray(data=_doubles(moved, _RATE if values == VELOCITY else _PLACE))
+
+
+def joint_trajectory(
+    moving: Sequence[Governed], joints: Sequence[str], period: float, first: int = 0
+) -> JointTrajectory:
+    """Creates the message of steps.
+
+    Args:
+        moving: the steps; the stamp is that of the first.
+        joints: names.
+        period: between two steps [s].
+        first: periods from the stamp to the first point.
+    """
+    message = JointTrajectory(joint_names=list(joints))
+    message.header.stamp = to_time(moving[0].stamp_ns)
+    for number, one in enumerate(moving, first):
+        point = JointTrajectoryPoint(time_from_start=to_duration(round(number * period * SECOND)))
+        point.positions, point.velocities = _doubles(one, _PLACE), _doubles(one, _RATE)
+        point.accelerations = _doubles(one, _CHANGE)
+        message.points.append(point)
+    return message
+
+
+def _doubles(moved: Governed, row: int) -> array.array[float]:
+    return array.array("d", moved.joints[row])
+
+
+_KINDS = (
+    JointTopics(topics.DESIRED_JOINTS, topics.SAFE_JOINTS, JointState, _of_state, _state),
+    JointTopics(
+        topics.DESIRED_JOINT_TRAJECTORY, topics.SAFE_JOINT_TRAJECTORY, JointTrajectory,
+        _of_trajectory, _trajectory,
+    ),
+    JointTopics(
+        topics.DESIRED_JOINT_VALUES, topics.SAFE_JOINT_VALUES, Float64MultiArray, _of_values,
+        _values,
+    ),
+)  # fmt: skip
+JOINT_TOPICS: Mapping[str, JointTopics] = {
+    kind: one
+    for one in _KINDS
+    for kind, row in topics.COMMANDING.items()
+    if row.name == one.desired
+}
+"""Kinds of joint commands, by the value of the governor's parameter `command`."""
+
+
+def robot_of(parameters: Mapping[str, Any]) -> CarryingRobot | None:
+    """Reads the robot whose joints are commanded; None: commands are of the container.
+
+    Args:
+        parameters: of the governor by name.
+
+    Raises:
+        SloshEstimatorError, SloshPlanError, SloshFileError: a file is missing or unusable.
+    """
+    kind = parameters["command"]
+    if kind not in JOINT_TOPICS:
+        return None
+    if not parameters["urdf"]:
+        raise SloshPlanError(f"command = {kind} needs the robot's description: the parameter urdf")
+    return read_robot(parameters["urdf"], parameters["tool_frame"], parameters["joint_limits"])
+
+
+def files_of_robot(parameters: Mapping[str, Any]) -> dict[str, str]:
+    """Returns the texts of the robot's files by parameter, which a replay needs."""
+    if parameters["command"] not in JOINT_TOPICS:
+        return {}
+    found = {"urdf": read_urdf(parameters["urdf"])}
+    if parameters["joint_limits"]:
+        found["joint_limits"] = read_text(parameters["joint_limits"], LONGEST)
+    return found
+
+
+class JointPlaces:
+    """Newest positions of the joints that carry the container, from joint states.
+
+    Args:
+        joints: names in the governor's order.
+    """
+
+    def __init__(self, joints: Sequence[str]) -> None:
+        self._joints = tuple(joints)
+        self._known: dict[str, float] = {}
+
+    def hear(self, message: JointState) -> None:
+        """Takes the positions of a joint state; one with another count of numbers has none."""
+        if len(message.position) != len(message.name):
+            return
+        for name, value in zip(message.name, message.position, strict=True):
+            if name in self._joints and abs(value) < float("inf"):
+                self._known[name] = float(value)
+
+    @property
+    def missing(self) -> list[str]:
+        """Names of joints whose position is not known yet."""
+        return [name for name in self._joints if name not in self._known]
+
+    @property
+    def places(self) -> list[float]:
+        """Positions in the governor's order [rad or m]; all must be known."""
+        return [self._known[name] for name in self._joints]
