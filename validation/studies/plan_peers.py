@@ -339,8 +339,8 @@ def closing(rows: Sequence[Row]) -> str:
     worst = max(row.excess[PLANNED] for row in rows)
     shares = ", ".join(f"{ratio(rows, way):.2f} ({way})" for way in WAYS[:-1])
     return (
-        f"{over} of {len(rows)} planned motions exceed a limit (largest excess "
-        f"{100.0 * max(worst, 0.0):.2f} %). Planned time by that of the others, medians: {shares}."
+        f"{over} of {len(rows)} plans exceed a limit (at most {100.0 * max(worst, 0.0):.2f} %). "
+        f"Median of their times by others: {shares}."
     )
 
 
