@@ -1,4 +1,4 @@
-"""Cost of a step of the governor, on one core.
+"""Measures the governor's processor time per step, on one core.
 
     tools/run python benchmarks/bench_governor.py [--streams 20]
 
@@ -32,7 +32,7 @@ EVERY = 0.01
 
 
 def step_times(stream: Stream, period: float, *, observed: bool) -> list[float]:
-    """Processor time of each step of a stream [s]."""
+    """Returns the processor time of each governor step for a stream of commands [s]."""
     governor = Governor(stream.model, stream.limits, period=period)
     still, found = np.zeros((stream.model.modes, 4)), []
     for step in range(round(len(stream.commands) * PERIOD / period)):
@@ -49,7 +49,7 @@ def step_times(stream: Stream, period: float, *, observed: bool) -> list[float]:
 
 
 def main() -> int:
-    """Runs the command; returns its exit code."""
+    """Measures and prints step times; returns 1 if the limit is exceeded."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--streams", type=int, default=20)
     streams = range(parser.parse_args().streams)

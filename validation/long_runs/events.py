@@ -1,4 +1,4 @@
-"""A recorder of events for an hour: a bag of each, bit for bit, and the nodes' memory.
+"""Runs the event recorder for an hour; checks bags, their replays and the nodes' memory.
 
     tools/run python -m validation.long_runs.events [--events 100] [--every 36] [-o FOLDER]
 
@@ -49,10 +49,10 @@ EXACT, TOLD = ("estimate", "fused_estimate"), "comparison"
 
 
 def main() -> int:
-    """Runs the soak; 1 where an event has no bag, a bag differs in its replay, or a node grew."""
+    """Runs the test; returns 1 if a bag is missing or differs, or a node's memory grew."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--events", type=int, default=100, help="how many")
-    parser.add_argument("--every", type=float, default=36.0, help="time between them [s]")
+    parser.add_argument("--events", type=int, default=100, help="number of events")
+    parser.add_argument("--every", type=float, default=36.0, help="time between events [s]")
     parser.add_argument("-o", "--output", type=Path, default=Path("out/events"))
     given = parser.parse_args()
     if given.every < BEFORE + AFTER + 1.0:
@@ -69,7 +69,7 @@ def main() -> int:
 def soak(
     folder: Path, domain: int, count: int, every: float
 ) -> tuple[dict[str, list[float]], int]:
-    """Plays so many events.
+    """Plays limit events; returns the nodes' memory [MB] and the number of reported events.
 
     Returns:
         each node's memory at each event [MB], and how many limit events the monitor told of.
@@ -95,7 +95,7 @@ def soak(
 
 
 def high_wave(robot: RobotNode) -> bool:
-    """Shows a high wave until the monitor tells of it; returns whether it did."""
+    """Publishes a high wave until the monitor reports it; returns whether it did."""
     assert robot.surface is not None
     robot.surface.msh, end = HIGH, time.monotonic() + PATIENCE
 
@@ -109,7 +109,7 @@ def high_wave(robot: RobotNode) -> bool:
 
 
 def play_until(robot: RobotNode, done: Callable[[], bool], *, forget: bool = True) -> None:
-    """Plays on; forgets what was heard, so that this process does not grow."""
+    """Publishes inputs until a condition holds; discards received messages."""
     while not done():
         end = time.monotonic() + LONGEST
         robot.until(lambda end=end: done() or time.monotonic() >= end, "the next event")
@@ -119,7 +119,7 @@ def play_until(robot: RobotNode, done: Callable[[], bool], *, forget: bool = Tru
 
 
 def look(group: NodeGroup, memory: dict[str, list[float]]) -> None:
-    """Notes each node's own memory."""
+    """Adds each node's present private memory to the lists."""
     for name, sizes in memory.items():
         sizes.append(resident(group.pid(name), own=True))
 
@@ -127,7 +127,7 @@ def look(group: NodeGroup, memory: dict[str, list[float]]) -> None:
 def report(
     folder: Path, given: argparse.Namespace, memory: dict[str, list[float]], told: int
 ) -> int:
-    """Prints what came of it; returns the exit code."""
+    """Replays all event bags and prints the result; returns the exit code."""
     bags, wanted = event_bags(folder), given.events
     differing: list[str] = []
     overloaded: list[str] = []

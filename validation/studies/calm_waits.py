@@ -1,4 +1,4 @@
-"""Write the table of waits: when the liquid is said to be calm, and when it is.
+"""Measures when the observer reports calm liquid, compared with when it is calm.
 
     tools/run python validation/studies/calm_waits.py [--runs 500] [--half 1]
 
@@ -39,13 +39,13 @@ HEAD = ("camera", "stops", "false calms", "false at the first", "wait, median [s
 
 
 def main() -> int:
-    """Runs the command; returns its exit code."""
+    """Simulates the stops and writes the table; returns the exit code."""
     rows = [(partial(stop, camera), partial(row, camera)) for camera in (True, False)]
     return write_table(__doc__, "calm", HEAD, rows)
 
 
 def row(camera: bool, stops: Array) -> str:
-    """A row of the table from (N, 5) of `stop`."""
+    """Formats the results of many stops (N, 5), see `stop`, as a table row."""
     needed, told, false, states, least = stops.T
     wait, need, constant = np.median(told), np.median(needed), needed.max()
     return (
@@ -80,9 +80,10 @@ def least_wait(t: Array, acceleration: Array, end: float) -> float:
 
 
 def stop(camera: bool, seed: int) -> tuple[float, float, int, int, float]:
-    """When the wave is within the tolerance and when it is told [s]; false and all states.
+    """Simulates one stop; returns true, reported and least possible waiting time, false states.
 
-    The last is the oracle's wait, see `least_wait` [s].
+    In order: true and reported waiting time [s], number of false and of all states, and the
+    oracle's waiting time [s], see `least_wait`.
     """
     rng = np.random.default_rng(seed)
     slow, fast = (math.log2(factor) for factor in DAMPING)

@@ -1,4 +1,4 @@
-"""Write the table of emergency stops: time, distance and height beside a stop without the liquid.
+"""Compares emergency stops that respect the liquid with stops that do not.
 
     tools/run python validation/studies/emergency_stop.py [--runs 100] [--half 1] [--workers 1]
 
@@ -45,7 +45,7 @@ TURN = PERIOD * SECOND
 
 
 def moving(seed: int) -> tuple[Governor, list[Governed], np.random.Generator] | None:
-    """A governor in the middle of a stream; None: it does not move fast enough."""
+    """Returns a governor in the middle of a random motion; None if it is too slow."""
     rng = np.random.default_rng(seed)
     stream = drawn(rng)
     governor, told = Governor(stream.model, stream.limits, period=PERIOD), []
@@ -57,7 +57,7 @@ def moving(seed: int) -> tuple[Governor, list[Governed], np.random.Generator] | 
 
 
 def stop_of(governor: Governor, told: list[Governed], way: str) -> Array:
-    """(N, 3) acceleration of a stop at the governor's rate [m/s²].
+    """Returns the acceleration (N, 3) [m/s²] of a stop by a given method.
 
     Raises:
         NoSafeStopError: there is none.
@@ -81,7 +81,7 @@ def stop_of(governor: Governor, told: list[Governed], way: str) -> Array:
 
 
 def run(way: str, seed: int) -> tuple[float, float, float]:
-    """Time [s], distance [m] and highest height over the limit; NaN: not moving, or no stop."""
+    """Simulates one stop; returns time [s], distance [m] and height relative to the limit."""
     begun = moving(seed)
     if begun is None:
         return math.nan, math.nan, 0.0
@@ -100,7 +100,7 @@ def run(way: str, seed: int) -> tuple[float, float, float]:
 
 
 def row(way: str, runs: Array) -> str:
-    """A row of the table from (N, 3) of `run`."""
+    """Formats the results of many stops (N, 3) as a table row."""
     none = np.isinf(runs[:, 2])
     time, distance, height = runs[np.isfinite(runs).all(axis=1)].T
     return (
@@ -110,7 +110,7 @@ def row(way: str, runs: Array) -> str:
 
 
 def main() -> int:
-    """Runs the command; returns its exit code."""
+    """Simulates the stops and writes the table; returns the exit code."""
     rows = [(partial(run, way), partial(row, way)) for way in WAYS]
     return write_table(__doc__, "stops", HEAD, rows, PAGE)
 

@@ -82,6 +82,7 @@ ARGUMENTS = (
     Argument("tool_frame", "", "link of the robot that carries the container"),
     Argument("plan", "false", "plan motions: the service plan, the action plan_motion"),
     Argument("watch", "false", f"serve the operator's page on this machine, port {PORT}"),
+    Argument("plc", "false", "serve the cell's state over OPC UA, MQTT or Modbus TCP"),
     Argument("simulate", "false", "play a motion instead of reading a robot's topics"),
     Argument("motion", "c3", "motion of the simulated cell: a name or a motion table"),
 )
@@ -206,7 +207,7 @@ class LaunchedCell:
         return Path(self._given["calibration"] or config_folder() / "camera.yaml").absolute()
 
     def _own(self, setup: CellSetup, bag: Path) -> list[NodeProcess]:
-        """Returns the processes of recorder, estimator, camera and monitor, if enabled."""
+        """Returns the enabled processes among recorder, estimator, camera and monitor."""
         more: dict[str, dict[str, str]] = {}
         if self._given["input"]:
             more["estimator"] = {"input": self._given["input"]}
@@ -231,7 +232,7 @@ class LaunchedCell:
         if len(robot) == 1:  # the joints' robot is described by a topic
             robot = {}
         own = {"predict": ("predictor", model | robot), "watch": ("watch", {})}
-        own["plan"] = ("planner", model)
+        own |= {"plan": ("planner", model), "plc": ("plc", {})}
         return [
             NodeProcess(name, [setup.parameters], parameters, setup.remap)
             for argument, (name, parameters) in own.items()
@@ -276,7 +277,7 @@ def time_to_stop(process: NodeProcess) -> float:
 
 
 def typed_parameters(process: NodeProcess) -> dict[str, Any]:
-    """Returns a node's own parameters, converted to their declared types.
+    """Returns the parameters set for a node, converted to their declared types.
 
     Raises:
         SloshBringupError: a value is refused; one line.

@@ -20,7 +20,7 @@ COMPARED = "quintic"
 
 
 def render_map(model: Model, found: MotionMap, name: str) -> str:
-    """Renders the page of a motion map as HTML; all texts are escaped.
+    """Renders the HTML page of a motion map; all texts in it are escaped.
 
     Args:
         model: of the liquid.
@@ -33,7 +33,7 @@ def render_map(model: Model, found: MotionMap, name: str) -> str:
 
 
 def _waves(model: Model, found: MotionMap) -> Markup:
-    """Draws peak and dwell height over the machine's speed, also for a known time law."""
+    """Draws peak and dwell height over machine speed, and a known time law for comparison."""
     speeds = [row.speed for row in found.rows]
     known = [heights(model, found.stroke, NamedLaw(COMPARED), speed).peak for speed in speeds]
     top = 1.6 * 1e3 * found.limits.height

@@ -31,6 +31,7 @@ NODES: Mapping[str, str] = {
     "governor": "slosh_plan.nodes.governor_node",
     "monitor": "slosh_estimator.nodes.monitor_node",
     "planner": "slosh_plan.nodes.planner_node",
+    "plc": "slosh_plc.nodes.plc_node",
     "player": "slosh_bag.nodes.player_node",
     "predictor": "slosh_plan.nodes.predictor_node",
     "relay": "slosh_plan.nodes.relay_node",

@@ -1,4 +1,4 @@
-"""The container that the gripper holds with its fill height, or an empty gripper."""
+"""What the robot's gripper holds: a container with its fill height, or nothing."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TRAY_PLACE: Final = "tray_place"
 
 @dataclass(frozen=True, slots=True)
 class HeldContainer:
-    """The container that the gripper holds with its fill height, or an empty gripper.
+    """What the robot's gripper holds: a container with its fill height, or nothing.
 
     Attributes:
         model: of the container; where it is empty, of the last one.
@@ -96,7 +96,7 @@ class HeldContainer:
 
 
 def tray_holding(tray: Tray, index: int, held: HeldContainer, limit: float = math.nan) -> Tray:
-    """Returns the tray after a change of what one of its places holds.
+    """Returns a copy of the tray in which one place holds another container, or none.
 
     Args:
         tray: before.
@@ -112,7 +112,7 @@ def tray_holding(tray: Tray, index: int, held: HeldContainer, limit: float = mat
 
 
 def changed_place(parameters: Mapping[str, Any]) -> str:
-    """Returns the tray place that an estimator's recorded settings changed; empty means all."""
+    """Returns the tray place that recorded settings changed; empty if they set all places."""
     return str(parameters.get(TRAY_PLACE) or "")
 
 
@@ -133,5 +133,5 @@ def held_by(message: Any, start: Model) -> HeldContainer:
 
 
 def empty_and_fresh(parameters: Mapping[str, Any]) -> tuple[bool, bool]:
-    """Returns whether recorded settings say that the gripper is empty, and the liquid new."""
+    """Returns two booleans from recorded settings: gripper is empty, liquid was exchanged."""
     return parameters.get(EMPTY) is True, parameters.get(FRESH) is True

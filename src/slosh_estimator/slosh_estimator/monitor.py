@@ -261,7 +261,7 @@ class Monitor:
         return comparisons
 
     def finish(self) -> list[Comparison]:
-        """At the end, returns comparisons without an estimate for measurements that wait."""
+        """Returns comparisons without estimate for measurements still waiting at the run's end."""
         found = []
         while self._waiting and self._stale(self._estimated_at, self._waiting[-1].arrival_ns):
             found.append(self._without_estimate(self._waiting[-1].arrival_ns))
@@ -297,7 +297,7 @@ class Monitor:
         return clocks_apart(self._measured_stamp, self._estimates[-1].stamp_ns) or blindness
 
     def condition(self, now_ns: int) -> Condition:
-        """Returns the state: limit violation first, then timeouts, then missing comparisons."""
+        """Returns the monitor's state: limit violation, timeout, nothing compared, or warning."""
         tray = self.tray
         if any(tracker.active for tracker in self._trackers.values()) or (tray and tray.active):
             return Condition.ERROR
@@ -318,7 +318,7 @@ class Monitor:
 
     @property
     def at_rim(self) -> str:
-        """Returns one line if the liquid is above the rim; empty if this is not known."""
+        """Returns a warning if the liquid is known to be above the rim, else an empty text."""
         above = [
             tracker.limit_text
             for tracker in self._trackers.values()
@@ -428,7 +428,7 @@ class Monitor:
             self._events.append(event)
 
     def _bounded(self, point: MeasuredPoint) -> float:
-        """Returns the height to check against the limit, or NaN if it may be too low."""
+        """Returns the measured height [m] to check, or NaN for a lower bound below the limit."""
         self._change_limit(Source.MEASURED, point.stamp_ns)
         low = point.msh <= self._trackers[Source.MEASURED].release_level
         return NAN if point.flags & SATURATED and low else point.msh
@@ -465,7 +465,7 @@ class Monitor:
         return self._compare(point, None, now_ns, estimate_stale=True)
 
     def _interpolated(self, seen_ns: int) -> Expected | None:
-        """Interpolates the expected measurement at a stamp [ns], or None if out of range.
+        """Interpolates the predicted measurement at a stamp [ns]; None if out of range.
 
         Each estimate's reading comes late by its own delay, which a drifting clock lets grow.
         """
@@ -529,7 +529,7 @@ class Monitor:
         )
 
     def _judge(self, measured: MeasuredPoint, expected: Expected) -> None:
-        """Adds a pair of heights to the accuracy; a lower bound only if above the estimate."""
+        """Adds two heights to the accuracy; skips a measured lower bound below the estimate."""
         linear, nonlinear, _, wave = expected
         bound = bool(measured.flags & SATURATED)
         if not (bound and measured.msh <= nonlinear):

@@ -241,7 +241,7 @@ DRIVING: Mapping[str, Topic] = {row.drives: row for row in TOPICS if row.drives}
 
 
 class CellName(NamedTuple):
-    """A full topic name, resolved to one of the cell's own topics.
+    """A full topic name and the entry of the project's topic table to which it belongs.
 
     Attributes:
         namespace: of the cell; empty: the root.

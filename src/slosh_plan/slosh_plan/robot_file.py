@@ -48,7 +48,7 @@ class CarryingRobot:
         # The liquid in a round one does not turn with it.
         return joint_path(
             self.arm, self.limits(waypoints.names), waypoints.points(name),
-            follows_yaw=container.cornered, name=name, stopped=stopped,
+            follows_yaw=container.follows_yaw, name=name, stopped=stopped,
         )  # fmt: skip
 
 

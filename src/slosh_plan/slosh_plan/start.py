@@ -52,6 +52,8 @@ def begun(model: Model, modal: Array | None, t: float) -> State | None:
     """
     if modal is None:
         return None
-    if len(modal) != model.modes:
-        raise SloshPlanError(f"the liquid's state has {len(modal)} modes, the model {model.modes}")
+    if len(modal) != model.mode_count:
+        raise SloshPlanError(
+            f"the liquid's state has {len(modal)} modes, the model {model.mode_count}"
+        )
     return State(t, modal, np.zeros(4))

@@ -18,6 +18,7 @@ from slosh_plan.heights import usual_horizon
 from slosh_plan.limits import HeightLimits
 from slosh_plan.prediction import ModelError, Prediction, predict
 from slosh_plan.scaling import COUNT, SafeScales, safe_scales
+from slosh_plan.standing_scales import standing_scales
 from slosh_plan.start import LiquidState
 from slosh_plan.trajectory import Trajectory
 
@@ -154,7 +155,7 @@ def tray_scales(
     count: int = COUNT,
     most: float = math.inf,
 ) -> SafeScales:
-    """Returns the time scales with which every container on the tray keeps its limits.
+    """Returns the time scales with which every container keeps its limits, and its place.
 
     Args:
         tray, motion, limits, state, horizon: as above.
@@ -169,6 +170,10 @@ def tray_scales(
             most=most / len(tray.present),
         )
         for one in tray.present
+    ]  # fmt: skip
+    each += [
+        standing_scales(one, one.standing, motion, most / len(tray.present))
+        for one in tray.present if one.standing is not None
     ]  # fmt: skip
     shared = each[0]
     for other in each[1:]:
@@ -185,7 +190,7 @@ def tray_scales(
 
 
 def _open(scales: SafeScales, slowest: float) -> list[tuple[float, float]]:
-    """Returns the safe intervals; one that reaches the slowest scale is extended."""
+    """Returns the safe intervals of time scales; extends one that ends at the slowest scale."""
     return [(a, slowest if b == scales.slowest else b) for a, b in scales.intervals]
 
 

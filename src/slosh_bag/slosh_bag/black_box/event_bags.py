@@ -17,6 +17,7 @@ from slosh_bag.bag_writer import Qos
 from slosh_bag.black_box.black_box import EVENTS, BlackBox, Cause, Happening, Windows
 from slosh_bag.black_box.ring import Place
 from slosh_bag.errors import SloshBagError
+from slosh_bag.held_folder import HeldFolder
 from slosh_bag.mcap_files.bag_metadata import NAME
 from slosh_bag.recorder import Recorder, RecorderStatus, free_space
 from slosh_base.files.errors import SloshFileError
@@ -118,6 +119,7 @@ class EventRecorder:
         self._folder, self._per_cause, self._quota = folder, per_cause, quota
         self._clock, self._free = clock, free
         self._kept = _found(folder)
+        self._held = HeldFolder(folder)
         self._number = max(map(_number, _named(folder)), default=0)
         self._open: list[_OpenBag] = []  # the last one may be open, the others are being finished
         self._refused: dict[str, str] = {}
@@ -212,6 +214,7 @@ class EventRecorder:
             if bag.closing is not None:
                 bag.closing.join()
         self._collect()
+        self._held.release()
 
     def _begin(self, happening: Happening) -> _OpenBag:
         folder = self._folder / f"{self._number + 1:04d}_{happening.cause}"

@@ -29,6 +29,7 @@ from slosh_bag.nodes.event_messages import (
     place_of,
 )
 from slosh_bag.nodes.recorder_health import Traffic, findings, left_out_text
+from slosh_bag.nodes.store_thread import STORE_PARAMETERS, StoreThread
 from slosh_bag.nodes.topic_input import Received, TopicInput, noted
 from slosh_bag.recorded_topics import TopicChoice, TopicSelection
 from slosh_bag.recorder import PUBLISHERS, SEVERAL, Recorder, RecorderStatus
@@ -38,7 +39,7 @@ from slosh_base.files.yaml_document import parse_yaml
 from slosh_msgs.msg import NodeSettings
 from slosh_msgs_py import topics
 from slosh_msgs_py.conversions import find_type
-from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
+from slosh_msgs_py.node.diagnostics import ERROR, WARN, DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.readiness import RECORDED
@@ -86,6 +87,7 @@ PARAMETERS = (
         choices=(COMPLETE, EVENTS),
     ),
     *EVENT_PARAMETERS,
+    *STORE_PARAMETERS,
 )
 
 _RCL_ERRORS = (RuntimeError, ValueError)
@@ -119,6 +121,7 @@ class RecorderNode(GuardedNode):
         self._times = LogTimes(time.time_ns(), time.monotonic_ns())
         self._events: EventMessages | None = None
         self._core = self._made_core(values)
+        self._store = StoreThread(Path(values["output"]), values, self.get_logger().info)
         self.create_service(Trigger, topics.KEEP, self._keep)
         self._reported = self._reported_lost = 0
         self._report = DiagnosticsReporter(self, self._health, self._facts)
@@ -150,6 +153,7 @@ class RecorderNode(GuardedNode):
             entry.settle()
         self._core.miss(self._lost_on_the_way())
         self._core.close()
+        self._store.close()
         status = self._core.status()
         total = sum(status.written.values())
         self.get_logger().info(f"{total} messages in {status.path.parent}, {status.lost} lost")
@@ -281,9 +285,13 @@ class RecorderNode(GuardedNode):
         left_out = self._unknown | status.refused
         absent, shared = self._absent(), self._look_for_shared()
         shortage = self._core.shortage if isinstance(self._core, EventRecorder) else ""
-        return findings(
+        level, sentence = findings(
             status, absent, newly_lost, left_out, silent, shared, self._other_types, shortage
         )
+        if self._store.complaint:
+            level = level if level == ERROR else WARN
+            sentence = f"{sentence}; {self._store.complaint}"
+        return level, sentence
 
     def _look_for_shared(self) -> list[str]:
         """Returns topics that have several publishers but should have only one."""
@@ -326,6 +334,7 @@ class RecorderNode(GuardedNode):
                 "left out": left_out_text(self._chosen),
             }
             | event_facts(self._core)
+            | self._store.facts()
         )
 
     def _absent(self) -> dict[str, float]:

@@ -29,7 +29,8 @@ def add_arguments(parser: Any) -> None:
     )  # fmt: skip
     group.add_argument(
         "--wrench", metavar="TOPIC", default="",
-        help="topic of the force, if there are several (WrenchStamped, Wrench, or Twist with it)",
+        help="topic of the force, for a bag with several (WrenchStamped or Wrench; also Twist, as "
+        "some drivers publish forces as its linear part)",
     )  # fmt: skip
     add_input_options(group)
 

@@ -44,7 +44,8 @@ def add_path_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options that describe the path to the argument parser."""
     parser.add_argument(
         "path", type=Path, nargs="?",
-        help="table (.csv) of waypoints t,x,y,z[,qx,qy,qz,qw], or with --urdf of t and the joints",
+        help="table of waypoints (.csv) with the columns t,x,y,z[,qx,qy,qz,qw]; if --urdf is "
+        "given, the columns are t and the robot's joints",
     )  # fmt: skip
     parser.add_argument(
         "--straight", type=quantities.length(10.0), metavar="M",

@@ -122,7 +122,8 @@ DENSITY = Quantity("kg/m3", {"kg/m3": 1.0, "kg/m³": 1.0, "g/cm3": 1e3, "g/cm³"
 VISCOSITY = Quantity("m2/s",
     {"mm2/s": 1e-6, "mm²/s": 1e-6, "cSt": 1e-6, "cm2/s": 1e-4, "m2/s": 1.0, "m²/s": 1.0},
 )  # fmt: skip
+SIZE = Quantity("byte", {"byte": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12})
 QUANTITIES = (
-    length(), time(), angle(), RADIANS, RATE, SPEED, ACCELERATION, JERK, DENSITY, VISCOSITY
+    length(), time(), angle(), RADIANS, RATE, SPEED, ACCELERATION, JERK, DENSITY, VISCOSITY, SIZE
 )  # fmt: skip
 """One of each kind."""

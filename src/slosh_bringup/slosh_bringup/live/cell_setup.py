@@ -15,7 +15,7 @@ from slosh_bringup.processes import NodeProcess, config_folder
 from slosh_msgs_py import topics
 
 NAMESPACE = topics.NAMESPACE
-NODES_OF_A_CELL = ("recorder", "estimator", "camera", "sensor", "monitor")
+NODES_OF_A_CELL = ("recorder", "estimator", "camera", "sensor", "monitor", "plc")
 """In the order of their start: what the recorder records must not have begun."""
 REMAPPABLE = (
     *(topic.name for topic in topics.TOPICS if topic.remappable),
@@ -40,6 +40,7 @@ class CellSetup:
         namespace: of all nodes.
         remap: relative topic -> the robot's topic.
         reading: parameters of the estimator that say what drives it, as far as they are given.
+        plc: whether the cell's state is served to controllers; see slosh_plc.
         force: identification.json of the payload on a force sensor; None: there is none.
         record: of RECORD; empty: as the recorder's parameters have it.
     """
@@ -52,6 +53,7 @@ class CellSetup:
     reading: Mapping[str, str] = field(default_factory=dict)
     record: str = ""
     force: Path | None = None
+    plc: bool = False
 
     def processes(self, bag: Path) -> list[NodeProcess]:
         """Returns the cell's node processes; no camera or sensor node without its file."""
@@ -68,6 +70,8 @@ class CellSetup:
             del own["camera"]
         if self.calibration is None and self.force is None:
             own["monitor"] = {"camera": "false"}
+        if self.plc:
+            own["plc"] = {}
         if self.record:
             own["recorder"]["mode"] = self.record
         return [
@@ -106,6 +110,7 @@ def read_setup(path: Path) -> CellSetup:
         "remap",
         "record",
         "force",
+        "plc",
         *READING,
     )
     for key in document:
@@ -125,6 +130,7 @@ def read_setup(path: Path) -> CellSetup:
         reading=_reading(source),
         record=_record(source),
         force=_file(source, "force") if "force" in document else None,
+        plc=_plc(source),
     )
 
 
@@ -138,8 +144,16 @@ def _record(source: YamlDocument) -> str:
     return str(value)
 
 
+def _plc(source: YamlDocument) -> bool:
+    """Returns whether the cell file asks for the servers of controllers."""
+    value = source.value.get("plc", False)
+    if not isinstance(value, bool):
+        raise SloshBringupError(f"{source.at('plc')} = {shown(value)} must be true or false")
+    return value
+
+
 def _reading(source: YamlDocument) -> dict[str, str]:
-    """Returns the file's settings of the estimator's input."""
+    """Returns the cell file's settings of the estimator's input."""
     found = {}
     for key in READING:
         if key not in source.value:

@@ -81,7 +81,7 @@ class RunData:
         return np.asarray((self.stamps - self.stamps[:1]) * 1e-9, dtype=np.float64)
 
     def flags(self, side: str) -> NDArray[np.int64]:
-        """Returns the flags (N,) of the compared measurements or of the estimates."""
+        """Returns the validity flags (N,) of the compared measurements or of the estimates."""
         return self.columns[f"{side}_flags"].astype(np.int64)
 
     def lost(self) -> dict[str, int]:

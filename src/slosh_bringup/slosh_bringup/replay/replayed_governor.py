@@ -39,7 +39,7 @@ _PLACE = tuple(f"pose.position.{axis}" for axis in "xyz")
 
 
 class _FromTheStart:
-    """Selects recorded steps that follow a start without a gap; others have no known state."""
+    """Selects the recorded governor steps that follow its start without a gap."""
 
     def __init__(self) -> None:
         self._last = -1

@@ -12,7 +12,7 @@ from slosh_estimator.sensed.payload import UNITS
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """A number and its standard error.
+    """An identified number and its standard error.
 
     Attributes:
         value: in SI units.
@@ -73,7 +73,7 @@ NEWTON = "N"
 
 
 def likely_unit(mass: float, expected: float) -> str:
-    """Returns the unit of force in which the sloshing mass best matches the expected one [kg].
+    """Returns the unit of force for which the sloshing mass best matches the model's [kg].
 
     Newton, where no unit fits much better: the mass may be another one.
     """

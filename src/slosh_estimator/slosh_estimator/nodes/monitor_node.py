@@ -167,7 +167,7 @@ class MonitorNode(GuardedNode):
             self._on_change(changed)
 
     def _on_container(self, message: ContainerChange) -> None:
-        """Applies the limits of another container to later data."""
+        """After a change of the container, applies the new one's limits to later data."""
         try:
             model = parse_model(message.model, topics.CONTAINER) if message.model else None
         except ValueError as error:

@@ -88,7 +88,7 @@ class ObserverOutput:
         return f"calm_tolerance: {refusal}" if refusal else ""
 
     def close(self) -> None:
-        """Ends all goals that wait for calm liquid."""
+        """Ends all action goals that wait until the liquid is calm."""
         for wait in self._waits:
             wait.done.set_result(None)
         self._action.destroy()
@@ -180,7 +180,7 @@ class _Wait:
         fill_calm(self._state, self._watch.update(state))
 
     def tell(self, told: Calm) -> None:
-        """Sends feedback to the client; ends the goal if calm, timed out or cancelled."""
+        """Sends feedback to the action client; ends the goal if calm, timed out or cancelled."""
         if told.reason == Calm.STALE:
             fill_stale(self._state, self._watch.tolerance)
         self._state.header.frame_id = told.header.frame_id

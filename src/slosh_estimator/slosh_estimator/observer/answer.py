@@ -28,6 +28,7 @@ from slosh_estimator.observer.layout import (
 )
 from slosh_model import kernel
 from slosh_model.layout import records
+from slosh_model.outline_wall import place_at_corners
 
 
 @compiled
@@ -75,13 +76,15 @@ def answered(store, blocks, covariance, row, out):  # type: ignore[no-untyped-de
     vy = s * s * xx - 2.0 * c * s * xy + c * c * yy
     vxy = c * s * (yy - xx) + (c * c - s * s) * xy
     out[SH_X], out[SH_Y] = hx, hy
-    if runs[0]["cornered"] != 0.0:
-        out[MSH] = kernel.corner_height(hx, hy)
-        out[AZIMUTH] = kernel.corner_azimuth(hx, hy, modes[0]["radius"], modes[0]["radius_y"])
+    out[MSH], out[AZIMUTH] = kernel.highest_and_azimuth(runs[0], modes[0], hx, hy)
+    count = int(runs[0]["corner_count"])
+    if count > 0:
+        c, s = place_at_corners(
+            out[AZIMUTH], runs[0]["corners"], count, modes[0]["radius"], modes[0]["radius_y"]
+        )
+    elif runs[0]["cornered"] != 0.0:
         c, s = math.copysign(1.0, hx), math.copysign(1.0, hy)
     else:
-        out[MSH] = math.sqrt(hx * hx + hy * hy)
-        out[AZIMUTH] = math.atan2(hy, hx)
         c, s = math.cos(out[AZIMUTH]), math.sin(out[AZIMUTH])
     out[STDDEV_X], out[STDDEV_Y] = math.sqrt(max(vx, 0.0)), math.sqrt(max(vy, 0.0))
     highest = c * c * vx + 2.0 * c * s * vxy + s * s * vy

@@ -39,7 +39,7 @@ class Envelope(NamedTuple):
 
 
 class EnvelopeBounds:
-    """Upper bounds of the wave's envelope: a 95 % bound, and a certain one that decides calm.
+    """Upper bounds of the wave's envelope: at 95 %, and a safer one that decides if it is calm.
 
     In motion, and at each measurement, a bound is a height and some of its deviations: those of
     the filter, or, where they are less, those of the worst model that calm allows for.
@@ -57,7 +57,7 @@ class EnvelopeBounds:
     def update(
         self, envelope: Envelope, *, resting: bool, corrected_ns: int | None, contradicted: bool
     ) -> tuple[float, float]:
-        """Returns the 95 % bound and the certain bound of the envelope [m].
+        """Returns two upper bounds of the envelope [m]: at 95 %, and the safer one for calmness.
 
         Args:
             envelope: of a newer moment.

@@ -1,4 +1,4 @@
-"""Columns of the arrays of the observer's compiled functions."""
+"""Names of the columns in the arrays of the observer's compiled functions."""
 
 from __future__ import annotations
 

@@ -207,7 +207,7 @@ class Observer:
         return inside
 
     def _follow_motion(self, sample: Sample) -> None:
-        """Restarts the mean acceleration at rest after each motion."""
+        """Detects the container's motions; clears the mean acceleration when one has ended."""
         self._motions.add_one(sample.stamp_ns, (sample.ax, sample.ay, sample.az))
         spans = self._motions.spans
         if not spans:

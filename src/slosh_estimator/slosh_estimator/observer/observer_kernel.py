@@ -202,6 +202,7 @@ def correct(  # type: ignore[no-untyped-def]
     carried_covariance(trial, carried, noise, elapsed)
     ratio = 0.0
     if points.shape[0] > 0:
+        run = records(store)[0][0]
         heights, rates, turn = expected_heights(blocks, one, two, moment)
         ratio = measured(
             trial,
@@ -212,6 +213,7 @@ def correct(  # type: ignore[no-untyped-def]
             turn,
             cornered,
             reaches,
+            run["corners"][: int(run["corner_count"])],
             theta,
             elapsed,
             points,

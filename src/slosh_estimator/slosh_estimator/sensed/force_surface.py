@@ -125,7 +125,7 @@ class ForceSurface:
         return self._complete()
 
     def _restarted_if_set_back(self, stamp_ns: int, newest_ns: int) -> list[SensedWave]:
-        """Starts again if the clock was set back; small decreases count as disorder."""
+        """Clears all data if the clock was set back; small decreases are mere disorder."""
         if newest_ns - stamp_ns > TUNING.set_back_ns:
             self._forces.clear()
             self._motions.clear()
@@ -198,7 +198,7 @@ class ForceSurface:
 
 
 class _Axis(NamedTuple):
-    """A direction along the floor, its direction in the sensor's axes, height gain and mass."""
+    """A horizontal direction in container and sensor axes, with its height gain and mass."""
 
     c: float
     s: float

@@ -19,6 +19,7 @@ from slosh_model.shapes.mode_numbers import MOST, NAMES, ModeNumbers
 from slosh_model.shapes.solved import ModeTable, SolvedContainer
 
 MODES, OWNER, IN_USE = "modes", "modes_of", "modes_in_use"
+TURN = "turn"
 _AXES = ("x", "y")
 _LONGEST = 64_000
 
@@ -72,9 +73,10 @@ def solved_section(container: Container, count: int) -> dict[str, Any]:
     table = cast(SolvedContainer, container).with_table(count).table
     assert table is not None
     rows = [
-        {name: _AXES[row.axis] if name == "axis" else getattr(row, name) for name in NAMES}
+        {name: _AXES[row.axis] if name == "axis" else getattr(row, name) for name in NAMES
+         if name != TURN or row.turn}
         for row in table.rows
-    ]
+    ]  # fmt: skip
     return {MODES: rows, OWNER: table.digest}
 
 
@@ -121,6 +123,7 @@ def _row(row: Any, path: KeyPath) -> ModeNumbers:
             raise SloshModelError(
                 f"unknown key '{dotted((*path, key))}' (known: {', '.join(NAMES)})", (*path, key)
             )
+    row = {TURN: 0.0, **row}  # left out: along x or y itself
     values: dict[str, Any] = {}
     for name in NAMES:
         if name not in row:

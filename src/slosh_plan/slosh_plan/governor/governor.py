@@ -297,7 +297,7 @@ class Governor:
             self._reason = StopReason.NONE
 
     def _velocity(self) -> Array:
-        """Returns the commanded velocity, which decreases with the distance to a target."""
+        """Returns the commanded velocity [m/s], or one proportional to a target's distance."""
         assert self._command is not None
         if self._command.target is None:
             return np.array(self._command.velocity, dtype=np.float64)

@@ -27,8 +27,9 @@ from slosh_base.compiled.compilation import (
 )
 from slosh_model.batch_kernel import advance_lanes
 from slosh_model.indices import POSE_COUNT
-from slosh_model.kernel import UPRIGHT, advance, corner_height
+from slosh_model.kernel import UPRIGHT, advance, corner_height, turned
 from slosh_model.layout import records
+from slosh_model.outline_wall import highest_at_corners
 
 MODELS, CANDIDATES = 8, 4
 """Models that all keep the limit, the nominal one first; stops that are tried together."""
@@ -207,6 +208,22 @@ def _candidate(state, stop, settings, plan, wanted, held, first, times, rows):  
 
 
 @compiled
+def _highest(corners, count, x, y, axes, both_ways):  # type: ignore[no-untyped-def]
+    """Returns the greatest height on a wall with corners.
+
+    both_ways: x and y are amplitudes in axes that far from the container's, of either sign.
+    """
+    if not both_ways:
+        return highest_at_corners(corners, count, x, y)
+    best = 0.0
+    for sign in (-1.0, 1.0):
+        for other in (-1.0, 1.0):
+            along, across = turned(sign * x, other * y, -axes)
+            best = max(best, highest_at_corners(corners, count, along, across))
+    return best
+
+
+@compiled
 def _peaks(stores, rows, ends, intervals, count, how, settings, peaks):  # type: ignore[no-untyped-def]
     """Writes each candidate's greatest height over all models, and that of the nominal model.
 
@@ -228,7 +245,10 @@ def _peaks(stores, rows, ends, intervals, count, how, settings, peaks):  # type:
         intervals[: count - 1].copy().reshape(1, count - 1), rows[:, :count].copy(),
         np.empty((0, count)), np.empty((0, count, POSE_COUNT)), how[0] != 0, how[1] != 0, heights,
     )  # fmt: skip
-    cornered = records(stores[0])[0][0]["cornered"] != 0.0
+    runs, modes = records(stores[0])
+    cornered, corners = runs[0]["cornered"] != 0.0, int(runs[0]["corner_count"])
+    axes = runs[0]["axes"]
+    beating = cornered or modes[0]["frequency_ratio"] != 1.0 or modes[0]["along_x"] != 0.0
     for one in range(CANDIDATES):
         highest, nominal, least = 0.0, 0.0, math.inf
         for model in range(MODELS):
@@ -236,10 +256,15 @@ def _peaks(stores, rows, ends, intervals, count, how, settings, peaks):  # type:
             last_x = last_y = 0.0
             for row in range(1, count):
                 x, y = heights[lane, row, 0], heights[lane, row, 1]
-                if cornered and row >= ends[one] - 1:
+                after = beating and row >= ends[one] - 1
+                if after:
+                    x, y = turned(x, y, axes)
                     x = last_x = max(last_x, abs(x))
                     y = last_y = max(last_y, abs(y))
-                eta = corner_height(x, y) if cornered else math.sqrt(x * x + y * y)
+                if corners > 0:
+                    eta = _highest(runs[0]["corners"], corners, x, y, axes, after)
+                else:
+                    eta = corner_height(x, y) if cornered else math.sqrt(x * x + y * y)
                 top = max(top, eta) if eta == eta else math.inf
             highest = max(highest, top)
             if model == 0:
@@ -328,7 +353,7 @@ def _trimmed(state, stop, settings):  # type: ignore[no-untyped-def]
 
 @compiled
 def _plan(state, settings, block, follow, plans, best):  # type: ignore[no-untyped-def]
-    """Writes the candidates that are simulated together.
+    """Writes the parameters of the candidate motions that are simulated together.
 
     All of the command with various stops; shares of it with the lowest of them, down to nothing;
     the held stop and others from now on, in a stop shorter ones.

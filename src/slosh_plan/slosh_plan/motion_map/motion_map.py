@@ -134,7 +134,7 @@ def _joined(
     checked: list[tuple[float, StrokeHeights]],
     depth: int = 0,
 ) -> bool:
-    """Adds a row if all time laws interpolated up to it keep the limits; inserts rows if not.
+    """Appends a row; first inserts rows between if interpolated motions would exceed a limit.
 
     Returns:
         whether the row was added; else all rows up to the last safe one were.

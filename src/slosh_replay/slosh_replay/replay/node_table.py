@@ -119,7 +119,7 @@ def _alone(estimates: Messages) -> Messages:
 
 
 def _heard(calm: Messages) -> Messages:
-    """Removes messages that a node published by its own clock about a silent input."""
+    """Removes Calm messages that report a silent input, since they depend on the live clock."""
     return calm.rows(calm.columns["reason"] != CalmReason.STALE)
 
 

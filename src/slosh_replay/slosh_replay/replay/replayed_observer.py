@@ -131,7 +131,7 @@ class ReplayedObserver:
                 self._setting.calm.find(state.stamp_ns)
 
     def _lose(self, after_ns: int, why: str) -> None:
-        """Marks messages after a stamp as not comparable."""
+        """Marks fused states and calmness after a stamp as not comparable."""
         if self._setting.fused is not None:
             self._setting.fused.lose(after_ns, why)
         if self._setting.calm is not None and not self._calm_lost:
