@@ -325,7 +325,7 @@ class Arm(Robot):
         limits = self.limits(joints)
         outside = np.maximum(limits["lower"] - position, position - limits["upper"])
         if len(outside) and outside.max() > ESTIMATOR_TUNING.beyond_limits:
-            row, place = np.unravel_index(int(np.argmax(outside)), outside.shape)
+            row, place = map(int, np.unravel_index(int(np.argmax(outside)), outside.shape))
             raise SloshPlanError(
                 f"{name}: joint {joints[place]!r} reaches {position[row, place]:.6g}, far outside "
                 f"its limits, {limits['lower'][place]:.6g} to {limits['upper'][place]:.6g}: "

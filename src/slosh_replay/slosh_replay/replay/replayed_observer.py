@@ -69,8 +69,8 @@ class ReplayedObserver:
             self._states.extend(zip(recorded.stamps.tolist(), counts, strict=True))
         for door, waiting in zip(DOORS, self._surfaces, strict=True):
             # Of a replayed sensor, too, what was recorded is what the live node heard.
-            recorded = moment.messages.get(recorded_name(door))
-            waiting.extend(_heights(moment.messages[door] if recorded is None else recorded))
+            heard = moment.messages.get(recorded_name(door))
+            waiting.extend(_heights(moment.messages[door] if heard is None else heard))
         batch = moment.messages[SAMPLES]
         if not len(batch.stamps):
             return {}
