@@ -1,4 +1,4 @@
-"""Reading a bag as blocks, columns and messages, beside `mcap` and what nobody can save.
+"""Measures how fast bags are read, compared with `mcap`, rosbags and bare decompression.
 
     tools/run python benchmarks/bench_bag_reading.py [--seconds 30] [--rounds 5]
 
@@ -48,7 +48,7 @@ TOPICS = {
 
 
 def main() -> None:
-    """Measures and prints times per ms of the recording, rates and ratios."""
+    """Measures and prints reading times per message, rates and ratios."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--rounds", type=int, default=5)
@@ -86,7 +86,7 @@ def main() -> None:
 
 
 def best(way: Callable[[], int], rounds: int, count: int) -> float:
-    """Shortest processor time of several rounds [s]; the first, which may compile, is not one."""
+    """Returns the shortest processor time of several runs [s], after one uncounted run."""
     assert way() == count
     times = []
     for _ in range(rounds):
@@ -97,7 +97,7 @@ def best(way: Callable[[], int], rounds: int, count: int) -> float:
 
 
 def write_bag(folder: Path, samples: int) -> int:
-    """A recording of random numbers, the worst for compression; returns its messages."""
+    """Writes a bag of random numbers, which compress badly; returns its message count."""
     definitions, rng = Definitions(), np.random.default_rng(0)
     with BagWriter(folder, definitions) as writer:
         for topic, kind in TOPICS.items():
@@ -115,7 +115,7 @@ def write_bag(folder: Path, samples: int) -> int:
 
 
 def filled(store: Any, kind: str, stamp: int, rng: np.random.Generator) -> Any:
-    """A message with random numbers in all fields of floats."""
+    """Returns a message with random numbers in all floating-point fields."""
     if kind == "std_msgs/msg/Header":
         time_type = store.types["builtin_interfaces/msg/Time"]
         moment = time_type(sec=stamp // 10**9, nanosec=stamp % 10**9)
@@ -135,7 +135,7 @@ def filled(store: Any, kind: str, stamp: int, rng: np.random.Generator) -> Any:
 
 
 def limit(path: Path) -> Callable[[], int]:
-    """Unpacking and checking the chunks, found beforehand."""
+    """Returns a function that only decompresses and checks the bag's chunks, as a lower bound."""
     content, chunks, at, total = path.read_bytes(), [], 8, 0
     while at + 9 <= len(content):
         (length,) = struct.unpack_from("<Q", content, at + 1)
@@ -155,39 +155,39 @@ def limit(path: Path) -> Callable[[], int]:
 
 
 def read_columns(bag: Path) -> int:
-    """Every value of every message."""
+    """Reads every value of every message as columns; returns the message count."""
     reader = BagReader(bag)
     return sum(len(next(iter(reader.columns(block).values()))) for block in reader.blocks())
 
 
 def read_decoded(bag: Path) -> int:
-    """Every message as an object."""
+    """Reads and decodes every message to an object with BagReader; returns the count."""
     reader = BagReader(bag)
     return sum(reader.decode(message) is not None for message in reader.messages())
 
 
 def read_mcap(bag: Path, *, validate_crcs: bool) -> int:
-    """Every message's bytes with mcap."""
+    """Reads every message's bytes with the library mcap; returns the message count."""
     with (bag / "bag_0.mcap").open("rb") as stream:
         reader = make_reader(stream, validate_crcs=validate_crcs)
         return sum(1 for _ in reader.iter_messages())
 
 
 def decode_mcap(bag: Path) -> int:
-    """Every message as an object with mcap_ros2."""
+    """Reads and decodes every message with mcap_ros2; returns the message count."""
     with (bag / "bag_0.mcap").open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
         return sum(1 for _ in reader.iter_decoded_messages())
 
 
 def read_rosbags(bag: Path) -> int:
-    """Every message's bytes with rosbags."""
+    """Reads every message's bytes with the library rosbags; returns the message count."""
     with AnyReader([bag]) as reader:
         return sum(1 for _ in reader.messages())
 
 
 def decode_rosbags(bag: Path) -> int:
-    """Every message as an object with rosbags."""
+    """Reads and decodes every message with rosbags; returns the message count."""
     with AnyReader([bag]) as reader:
         return sum(
             reader.deserialize(data, connection.msgtype) is not None

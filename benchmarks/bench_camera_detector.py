@@ -1,4 +1,4 @@
-"""Cost of measuring an image, against what any edge detection in it costs.
+"""Measures the detector's time per image, compared with plain edge detection.
 
     tools/run python benchmarks/bench_camera_detector.py [--frames 60] [--turns 5]
         [--folder DIR --camera CAMERA.yaml]
@@ -49,7 +49,7 @@ Image = NDArray[np.uint8]
 
 
 def main() -> int:
-    """Measures and prints times per frame [ms] and their ratios."""
+    """Measures and prints times per image [ms] and their ratios."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--frames", type=int, default=60)
     parser.add_argument("--turns", type=int, default=5)
@@ -67,7 +67,7 @@ def main() -> int:
 
 
 def cases(arguments: argparse.Namespace) -> Iterator[tuple[str, tuple[Calibration, list[Image]]]]:
-    """What is measured: a name, the calibration, the still image and the others."""
+    """Yields test sequences: name, calibration, image at rest and further images."""
     for kind in KINDS:
         yield kind, rendered(kind, arguments.frames)
     if arguments.folder:
@@ -79,7 +79,7 @@ def cases(arguments: argparse.Namespace) -> Iterator[tuple[str, tuple[Calibratio
 
 
 def larger(calibration: Calibration) -> Calibration:
-    """The same camera with 1280 x 720 pixels; the cup is as high in the image."""
+    """Returns the calibration for 1280 x 720 pixels, with the cup equally high in the image."""
     camera = calibration.view.camera
     zoom = HEIGHT / camera.height
     shift = (WIDTH - round(zoom * camera.width)) // 2
@@ -103,7 +103,7 @@ def larger(calibration: Calibration) -> Calibration:
 
 
 def scaled(image: Image, kind: str) -> Image:
-    """An image as the larger camera would take it; its edges go on to the sides."""
+    """Scales an image to 1280 x 720 pixels; extends its left and right edges."""
     width = round(HEIGHT / image.shape[0] * image.shape[1])
     left = (WIDTH - width) // 2
     if kind == "grey":
@@ -115,7 +115,7 @@ def scaled(image: Image, kind: str) -> Image:
 
 
 def rendered(kind: str, count: int) -> tuple[Calibration, list[Image]]:
-    """The liquid at rest, then swirling up to 25 mm high."""
+    """Renders images of the liquid at rest, then of a swirling wave up to 25 mm high."""
     calibration = larger(read_calibration(config_folder() / "camera.yaml"))
     renderer = CupRenderer(calibration.view)
     render = renderer.render if kind == "grey" else renderer.render_colour
@@ -128,7 +128,7 @@ def rendered(kind: str, count: int) -> tuple[Calibration, list[Image]]:
 
 
 def region(calibration: Calibration) -> tuple[slice, slice]:
-    """Rows and columns of the box around the container in the image."""
+    """Returns rows and columns of the image rectangle around the container."""
     pixels = calibration.view.outline()
     low, high = np.floor(np.nanmin(pixels, axis=0)), np.ceil(np.nanmax(pixels, axis=0))
     left, top = (max(int(value), 0) for value in low)
@@ -138,7 +138,7 @@ def region(calibration: Calibration) -> tuple[slice, slice]:
 def compare(
     calibration: Calibration, still: Image, images: list[Image], turns: int
 ) -> dict[str, Any]:
-    """Measures detector, region and full image in turns."""
+    """Measures detector, edges in the region and edges in the full image, in turns."""
     detector = detector_for(calibration)
     detector.learn_still(still)
     rows, columns = region(calibration)
@@ -175,7 +175,7 @@ def compare(
 
 
 def edges(image: Image) -> Image:
-    """Blur and Canny as they come; Canny takes colour as well."""
+    """Detects edges by Gaussian blur and Canny, in grey or colour images."""
     return np.asarray(cv2.Canny(cv2.GaussianBlur(image, (5, 5), 0), 50, 150), dtype=np.uint8)
 
 

@@ -1,4 +1,4 @@
-"""Images per second that the camera node measures with the estimator running beside it.
+"""Measures how many images per second the camera node processes beside the estimator.
 
     tools/run python benchmarks/bench_camera_node.py [--seconds 10] [--rates 60 120]
 
@@ -48,7 +48,7 @@ ACCELERATIONS = 1000
 
 
 class Rig(Node):
-    """Publishes images, hears heights and diagnostics."""
+    """ROS node that publishes images and receives heights and diagnostics."""
 
     def __init__(self) -> None:
         super().__init__("bench", namespace=NAMESPACE)
@@ -61,7 +61,7 @@ class Rig(Node):
         )
 
     def now(self) -> int:
-        """This moment [ns]."""
+        """Returns the present ROS time [ns]."""
         return int(self.get_clock().now().nanoseconds)
 
     def _on_height(self, message: FreeSurface) -> None:
@@ -74,7 +74,7 @@ class Rig(Node):
 
 
 def play(rig: Rig, executor: Any, messages: list[Image], rate: float, seconds: float) -> list[int]:
-    """Publishes images on an absolute schedule; returns their stamps."""
+    """Publishes images at a fixed rate on an absolute schedule; returns their stamps [ns]."""
     stamps = []
     begin = time.monotonic()
     for number in range(round(seconds * rate)):
@@ -90,7 +90,7 @@ def play(rig: Rig, executor: Any, messages: list[Image], rate: float, seconds: f
 
 
 def wait(executor: Any, condition: Any, patience: float) -> bool:
-    """Spins until a condition holds or patience ends; whether it holds."""
+    """Runs callbacks until a condition holds or a timeout ends; returns whether it holds."""
     deadline = time.monotonic() + patience
     while not condition() and time.monotonic() < deadline:
         executor.spin_once(timeout_sec=0.05)
@@ -100,7 +100,7 @@ def wait(executor: Any, condition: Any, patience: float) -> bool:
 def measure(
     rig: Rig, executor: Any, messages: list[Image], rate: float, seconds: float
 ) -> dict[str, Any]:
-    """What comes of images at a rate."""
+    """Publishes images at a rate; returns rates, latencies and losses of the camera node."""
     play(rig, executor, messages, rate, WARM_UP)
     before = int(rig.facts["camera"]["dropped images"])
     begin = time.monotonic()
@@ -127,7 +127,7 @@ def measure(
 
 
 def run(kind: str, rates: list[float], seconds: float) -> list[dict[str, Any]]:
-    """Starts the nodes and measures at each rate."""
+    """Starts camera and estimator node, and measures at each image rate."""
     calibration, (still, *pictures) = rendered(kind, FRAMES)
     encoding = "mono8" if kind == "grey" else "bgr8"
     messages = [images.image_message(picture, encoding, 0, "camera") for picture in pictures]
@@ -154,7 +154,7 @@ def run(kind: str, rates: list[float], seconds: float) -> list[dict[str, Any]]:
 def measured_at(
     rates: list[float], seconds: float, messages: list[Image], group: NodeGroup
 ) -> list[dict[str, Any]]:
-    """The results at each rate, as soon as both nodes are there."""
+    """Waits until both nodes are ready; returns the results at each image rate."""
     rclpy.init()
     rig, executor = Rig(), make_executor()
     executor.add_node(rig)
@@ -172,7 +172,7 @@ def measured_at(
 
 
 def main() -> int:
-    """Prints the results as JSON; exit code 1 where the goal is missed."""
+    """Prints the results as JSON; returns 1 if the required image rate is not reached."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--rates", type=float, nargs="+", default=[60.0, 120.0])

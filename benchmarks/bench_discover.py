@@ -1,4 +1,4 @@
-"""Time of a discovery over six motions of 5 s with all effects as candidates.
+"""Measures the time of a discovery on six motions of 5 s with all modelled effects.
 
     tools/run python benchmarks/bench_discover.py
 
@@ -25,7 +25,7 @@ MOTIONS, SECONDS, RATE, NOISE = 6, 5.0, 250.0, 2e-4
 
 
 def inputs_of(seed: int) -> Inputs:
-    """A smooth motion in all directions of 3.5 s, and a dwell."""
+    """Returns a smooth motion of 3.5 s in all directions, followed by rest."""
     random = np.random.default_rng(seed)
     t = np.arange(0.0, SECONDS, 1.0 / RATE)
     window = np.where(t < 3.5, np.sin(np.pi * t / 3.5) ** 2, 0.0)
@@ -36,7 +36,7 @@ def inputs_of(seed: int) -> Inputs:
 
 
 def measured(truth: Model, seed: int) -> MeasuredMotion:
-    """What a camera at 60 Hz sees of it."""
+    """Returns a motion with simulated heights of a camera at 60 Hz, with noise."""
     inputs = inputs_of(seed)
     t = np.arange(0.01, SECONDS - 0.02, 1.0 / 60.0)
     noise = NOISE * np.random.default_rng(seed + 100).normal(size=len(t))
@@ -46,14 +46,14 @@ def measured(truth: Model, seed: int) -> MeasuredMotion:
 
 
 def shaken(motion: MeasuredMotion) -> MeasuredMotion:
-    """The same with heights that follow no listed effect: a slow sway of the camera's mount."""
+    """Adds a slow sway of the camera to the heights, which no modelled effect explains."""
     sway = 2e-3 * np.sin(2.0 * np.pi * 0.7 * motion.t) * np.sin(2.0 * np.pi * 0.23 * motion.t)
     assert motion.msh is not None
     return MeasuredMotion(motion.name, motion.inputs, motion.t, msh=motion.msh + sway)
 
 
 def scipy_once(inputs: Inputs) -> int:
-    """One motion of the linear model by SciPy; returns its number of steps."""
+    """Simulates one motion of the linear model with SciPy; returns its number of steps."""
     omega, zeta = BASE.mode_constants()[0].natural_frequency, 0.006
 
     def rate(t: float, q: np.ndarray) -> list[float]:
@@ -69,7 +69,7 @@ def scipy_once(inputs: Inputs) -> int:
 
 
 def main() -> None:
-    """Measures and prints."""
+    """Measures discoveries and single simulations, and prints their times."""
     plain = [measured(BASE, seed) for seed in range(MOTIONS)]
     discover(plain[:2], BASE)  # compiles, or loads what was compiled
     one = BASE.with_effect("vertical_acceleration")

@@ -1,4 +1,4 @@
-"""Processor time per message of the estimator node against a node that only passes on.
+"""Measures the estimator node's processor time per message, against a pass-through node.
 
 Both receive AccelStamped at 1 kHz, from a process of its own, and publish SloshEstimate; a third,
 the estimator with its observer, receives FreeSurface at 60 Hz, too. They sit in the same executor
@@ -41,7 +41,7 @@ effects: [{name: vertical_acceleration}]\n"
 
 
 class PassThrough(Node):
-    """The least that a node of these types can do."""
+    """The simplest node that receives accelerations and publishes estimates."""
 
     def __init__(self) -> None:
         super().__init__("pass_through", namespace=PLAIN)
@@ -58,7 +58,7 @@ class PassThrough(Node):
 
 
 def send(namespace: str, count: int) -> None:
-    """Publishes accelerations at the rate, on an absolute schedule."""
+    """Publishes accelerations at a fixed rate on an absolute schedule."""
     rclpy.init()
     node = Node("sender", namespace=namespace)
     publisher = node.create_publisher(AccelStamped, topics.ACCEL, qos.STREAM_OUT)
@@ -86,7 +86,7 @@ def send(namespace: str, count: int) -> None:
 
 
 class Meter:
-    """Counts what a namespace answers, by wrapping its publisher: no third party in the loop."""
+    """Counts the messages that a node publishes, by wrapping its publisher."""
 
     def __init__(self, node: Any) -> None:
         self.count = 0
@@ -101,7 +101,7 @@ class Meter:
 
 
 def measure(executor: Any, meter: Meter, namespace: str, seconds: float) -> tuple[float, float]:
-    """Processor time per answered message [s] and the share of messages answered."""
+    """Returns the processor time per answered message [s], and the share answered."""
     total = round(seconds * RATE) + WARM_UP
     sender = subprocess.Popen(
         [sys.executable, __file__, "--send", namespace, "--count", str(total)]
@@ -121,7 +121,7 @@ def measure(executor: Any, meter: Meter, namespace: str, seconds: float) -> tupl
 
 
 def compare(seconds: float, turns: int) -> dict[str, Any]:
-    """Measures both nodes in turns."""
+    """Measures pass-through and estimator nodes in turns; returns times and ratios."""
     with tempfile.TemporaryDirectory() as folder:
         model = Path(folder) / "model.yaml"
         model.write_text(MODEL, encoding="utf-8")
@@ -161,7 +161,7 @@ def compare(seconds: float, turns: int) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Prints the result as JSON; exit code 1 where the goal is missed."""
+    """Prints the result as JSON; returns 1 if the required ratio is not reached."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=5.0)
     parser.add_argument("--turns", type=int, default=5)

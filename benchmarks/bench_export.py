@@ -1,4 +1,4 @@
-"""Export of a bag's topics against the shortest script that does it with mcap_ros2 and csv.
+"""Compares the export of a bag's topics with a short script that uses mcap_ros2 and csv.
 
 The script reads with mcap, decodes with mcap_ros2 and writes rows with the csv module: the same
 columns of the same topics, AccelStamped and SloshEstimate at 1 kHz each. Both take turns in one
@@ -44,7 +44,7 @@ ACCEL_TYPE, ESTIMATE_TYPE = "geometry_msgs/msg/AccelStamped", "slosh_msgs/msg/Sl
 
 
 def write_bag(folder: Path, seconds: float) -> Path:
-    """A bag with accelerations and estimates at 1 kHz."""
+    """Writes a bag with accelerations and estimates at 1 kHz; returns its folder."""
     definitions = Definitions()
     for kind in (ACCEL_TYPE, ESTIMATE_TYPE):
         definitions.hash(kind)
@@ -60,7 +60,7 @@ def write_bag(folder: Path, seconds: float) -> Path:
 
 
 def serialised(definitions: Definitions, k: int) -> tuple[bytes, bytes]:
-    """An AccelStamped and a SloshEstimate with random numbers."""
+    """Returns an AccelStamped and a SloshEstimate with random numbers, as CDR bytes."""
     types: Any = definitions.typestore.types
     vector = types["geometry_msgs/msg/Vector3"]
     x = np.random.default_rng(k).normal(size=16)
@@ -83,14 +83,14 @@ def serialised(definitions: Definitions, k: int) -> tuple[bytes, bytes]:
 
 
 def export(bag: Path, folder: Path, form: str) -> None:
-    """What `slosh export` does."""
+    """Exports the bag's topics as `slosh export` does."""
     reader = BagReader(bag)
     targets = export_targets(bag, reader, [ACCEL, ESTIMATE], folder, form)  # type: ignore[arg-type]
     export_topics(reader, targets, overwrite=True)
 
 
 def script(bag: Path, folder: Path) -> None:
-    """The same tables by mcap, mcap_ros2 and csv."""
+    """Writes the same tables with mcap, mcap_ros2 and csv, for comparison."""
     folder.mkdir(exist_ok=True)
     with (
         next(bag.glob("*.mcap")).open("rb") as stream,
@@ -123,7 +123,7 @@ def script(bag: Path, folder: Path) -> None:
 
 
 def compare(seconds: float, turns: int) -> dict[str, Any]:
-    """Speeds in turns, and memory."""
+    """Measures the speeds of export and script in turns, and the export's memory."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         bag = write_bag(folder / "bag", seconds)
@@ -158,7 +158,7 @@ def compare(seconds: float, turns: int) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Prints the result as JSON; exit code 1 where a goal is missed."""
+    """Prints the result as JSON; returns 1 if a required speed or memory is not reached."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--turns", type=int, default=3)

@@ -1,4 +1,4 @@
-"""Work on many files: against a plain pool of processes, against the cores, and its memory.
+"""Compares `map_files` with a process pool and one process: speed and memory.
 
 Each item is a fixed amount of computing. The engine, a `multiprocessing.Pool` and a single process
 take turns over the same items; the limit is the single process's time divided by the cores. Then
@@ -36,7 +36,7 @@ SAMPLE_PERIOD = 0.05
 
 
 def work(rounds: int) -> dict[str, float]:
-    """A fixed amount of computing; the value is small, as a file's figures are."""
+    """Computes for a fixed number of rounds; returns a few numbers, as a file's result."""
     total = 0.0
     for k in range(rounds):
         total += k % 7 * 1e-3
@@ -44,7 +44,7 @@ def work(rounds: int) -> dict[str, float]:
 
 
 def rounds_for(seconds: float) -> int:
-    """So many rounds take so long here."""
+    """Returns how many rounds of computing take a given time [s] on this machine."""
     probe = 200_000
     taken = []
     for _ in range(20):
@@ -55,7 +55,7 @@ def rounds_for(seconds: float) -> int:
 
 
 def take(outcomes: Iterator[Any], count: int) -> float:
-    """Time of all items but the first, with which the engine starts, per item [s]."""
+    """Consumes outcomes; returns the time per item [s] without the first, which starts up."""
     next(outcomes)
     begin = time.perf_counter()
     taken = sum(1 for _ in outcomes)
@@ -65,7 +65,7 @@ def take(outcomes: Iterator[Any], count: int) -> float:
 
 
 def compare(count: int, seconds: float, turns: int) -> dict[str, Any]:
-    """Items per second of each way, as medians over the turns."""
+    """Returns items per second of each method, as medians over several turns."""
     cores = len(os.sched_getaffinity(0))
     rounds = [rounds_for(seconds)] * count
 
@@ -96,14 +96,14 @@ def compare(count: int, seconds: float, turns: int) -> dict[str, Any]:
 
 
 def start_seconds() -> float:
-    """From the call to the first outcome [s]."""
+    """Returns the time from calling `map_files` to its first outcome [s]."""
     begin = time.perf_counter()
     next(map_files(work, [1] * 4, jobs=2))
     return time.perf_counter() - begin
 
 
 class MemoryWatch(threading.Thread):
-    """Samples the greatest resident memory of this process and of the largest below it [MiB]."""
+    """Thread that samples the peak memory of this process and its largest child [MiB]."""
 
     def __init__(self) -> None:
         super().__init__(daemon=True)
@@ -111,7 +111,7 @@ class MemoryWatch(threading.Thread):
         self._end = threading.Event()
 
     def run(self) -> None:
-        """Samples until it is told to stop."""
+        """Samples the memory until `finish` is called."""
         us = psutil.Process()
         while not self._end.wait(SAMPLE_PERIOD):
             self.client = max(self.client, us.memory_info().rss / 2**20)
@@ -122,13 +122,13 @@ class MemoryWatch(threading.Thread):
                     continue
 
     def finish(self) -> None:
-        """Stops it."""
+        """Stops the sampling and waits for the thread's end."""
         self._end.set()
         self.join()
 
 
 def memory(count: int) -> dict[str, float]:
-    """Greatest memory of a run over so many items, each with some megabytes of its own."""
+    """Returns the peak memory [MiB] of a run over a number of items that each use some MiB."""
     watch = MemoryWatch()
     watch.start()
     for _ in map_files(allocate, range(count), jobs=2):
@@ -138,12 +138,12 @@ def memory(count: int) -> dict[str, float]:
 
 
 def allocate(number: int) -> dict[str, float]:
-    """Uses some memory, as reading a file does, and returns little."""
+    """Uses a few MiB of memory, as reading a file does, and returns one number."""
     return {"sum": float(np.full(500_000, number, dtype=float).sum())}
 
 
 def grown() -> dict[str, Any]:
-    """Memory with one and with twenty times the items, in processes of their own."""
+    """Compares the peak memory of runs with one and with twenty times the items."""
     runs = [
         json.loads(
             subprocess.run(
@@ -160,7 +160,7 @@ def grown() -> dict[str, Any]:
 
 
 def main() -> int:
-    """Prints the result as JSON; exit code 1 where a goal is missed."""
+    """Prints the result as JSON; returns 1 if a required speed or memory is not reached."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--items", type=int, default=200)
     parser.add_argument("--work", type=float, default=0.05, help="computing per item [s]")

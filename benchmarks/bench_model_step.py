@@ -1,4 +1,4 @@
-"""Cost of simulating the nonlinear model, against SciPy and against plain C.
+"""Measures the simulation time of the nonlinear model, against SciPy and plain C.
 
     tools/run python benchmarks/bench_model_step.py [--trajectories 4096] [--rounds 9]
 
@@ -64,7 +64,7 @@ SCIPY_GOAL = 300.0
 
 
 def main() -> int:
-    """Measures and prints times per sample and the ratios; 1 where a goal is missed."""
+    """Measures and prints times per sample and ratios; returns 1 if a goal is missed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--trajectories", type=int, default=4096)
     parser.add_argument("--rounds", type=int, default=9)
@@ -94,7 +94,7 @@ def main() -> int:
 
 
 def report(rounds: Sequence[Mapping[str, float]], scipy: float) -> int:
-    """Prints the ratios beside their goals; 1 where one is missed."""
+    """Prints the time ratios with their goals; returns 1 if a goal is missed."""
     missed = 0
     for claim, goal in GOALS.items():
         name = claim.removesuffix(" / C")
@@ -107,13 +107,13 @@ def report(rounds: Sequence[Mapping[str, float]], scipy: float) -> int:
 
 
 def pushes(t: np.ndarray, frequency: float) -> np.ndarray:
-    """(N, 3) a motion's acceleration [m/s²]."""
+    """Returns a motion's acceleration (N, 3) [m/s²]."""
     columns = [2 * np.sin(frequency * t), 2 * np.cos(7 * t) - 2, np.sin(11 * t)]
     return np.stack(columns, axis=1)
 
 
 def trajectories(count: int) -> list[Inputs]:
-    """Motions of SAMPLES samples, each another one."""
+    """Returns different motions of SAMPLES samples each."""
     t = np.arange(SAMPLES) / RATE
     return [Inputs(t, pushes(t, frequency)) for frequency in np.linspace(5.0, 10.0, count)]
 
@@ -125,7 +125,7 @@ def check_equal(
     c_code: Callable[[], None],
     c_end: Callable[[], np.ndarray],
 ) -> None:
-    """All ways give the same numbers; the batch those of the online step within 1e-12."""
+    """Checks that C, batch and step-by-step simulations give equal results."""
     c_code()
     assert np.allclose(c_end(), simulate(model, inputs)[1].modal[0], rtol=1e-9), "C disagrees"
     for heights, motion in list(zip(wall_heights(model, many), many, strict=True))[::97]:
@@ -135,7 +135,7 @@ def check_equal(
 
 
 def step_by_step(model: Model, acceleration: np.ndarray) -> Callable[[], None]:
-    """The live estimator's way."""
+    """Returns a function that simulates sample by sample, as the live estimator does."""
     simulator, samples = Simulator(model), acceleration.tolist()
 
     def run() -> None:
@@ -147,7 +147,7 @@ def step_by_step(model: Model, acceleration: np.ndarray) -> Callable[[], None]:
 
 
 def constants(model: Model) -> tuple[float, ...]:
-    """ω, ζ, C, R, α."""
+    """Returns the constants ω, ζ, C, R and α of a model's first mode."""
     (mode,) = model.mode_constants()
     alpha = next(use.parameters["alpha"] for use in model.effects if "alpha" in use.parameters)
     return (
@@ -162,7 +162,7 @@ def constants(model: Model) -> tuple[float, ...]:
 def c_version(
     model: Model, acceleration: np.ndarray
 ) -> tuple[Callable[[], None], Callable[[], np.ndarray]]:
-    """The same step in C, and the state that it ends in."""
+    """Compiles the same step in C; returns functions that run it and give its end state."""
     folder = Path(tempfile.mkdtemp())
     (folder / "step.c").write_text(C_SOURCE)
     command = ["cc", "-O3", "-shared", "-fPIC", "-o", "step.so", "step.c", "-lm"]
@@ -189,7 +189,7 @@ def c_version(
 
 
 def scipy_version(model: Model, t: np.ndarray, acceleration: np.ndarray) -> None:
-    """What a user would write with SciPy."""
+    """Simulates the motion with SciPy's RK45, as a user would write it."""
     omega, zeta, curvature, radius, alpha = constants(model)
     c2 = curvature**2
 

@@ -1,4 +1,4 @@
-"""How exactly `slosh play` keeps its messages' times, against a bare loop that only sleeps.
+"""Measures how exactly `slosh play` keeps publishing times, against a bare sleeping loop.
 
 A bag with accelerations at 1 kHz and images at 60 Hz is played at rate 1 to a subscriber in a
 process of its own. The bare loop publishes the same bytes, all in memory beforehand, on the same
@@ -47,7 +47,7 @@ PATIENCE = 30.0
 
 
 def write_bag(folder: Path, seconds: float) -> None:
-    """Accelerations and images, as a camera's half noise."""
+    """Writes a bag with accelerations and noisy images (4 of 8 bits are noise)."""
     noise = np.random.default_rng(1)
     with BagWriter(folder) as writer:
         writer.add_topic("/slosh/accel", "geometry_msgs/msg/AccelStamped")
@@ -66,7 +66,7 @@ def write_bag(folder: Path, seconds: float) -> None:
 
 
 def listen() -> None:
-    """Takes what comes until it is ended."""
+    """Receives all messages until the process is killed."""
     rclpy.init()
     node = Node("listener", namespace=topics.NAMESPACE)
     executor = make_executor()
@@ -84,7 +84,7 @@ def listen() -> None:
 
 
 class Meter:
-    """Notes when messages are handed to a publisher."""
+    """Publisher wrapper that records when messages are published."""
 
     def __init__(self, publisher: Any, times: list[int]) -> None:
         self._publisher = publisher
@@ -93,13 +93,13 @@ class Meter:
         self.wait_for_all_acked = publisher.wait_for_all_acked
 
     def publish(self, message: Any) -> None:
-        """Notes the time and publishes."""
+        """Records the time and publishes the message."""
         self._times.append(time.monotonic_ns())
         self._publisher.publish(message)
 
 
 def publishers(node: Node, plan: PlayPlan, times: list[int]) -> dict[str, Meter]:
-    """A publisher for each topic, as the player has them."""
+    """Creates a recording publisher for each topic, as the player node does."""
     plan, kinds = playable(plan)
     return {
         topic: Meter(node.create_publisher(kinds[topic], entry.name, profile(entry.qos)), times)
@@ -108,7 +108,7 @@ def publishers(node: Node, plan: PlayPlan, times: list[int]) -> dict[str, Meter]
 
 
 def run_player(node: Node, plan: PlayPlan) -> tuple[int, list[int]]:
-    """The player's thread: when it began, when it handed out each message [ns]."""
+    """Runs the player's thread; returns its start time and all publishing times [ns]."""
     times: list[int] = []
     clock = node.create_publisher(Clock, CLOCK, profile(Qos(depth=STREAM_DEPTH)))
     thread = PlayerThread(plan, publishers(node, plan, times), clock, print)
@@ -122,7 +122,7 @@ def run_player(node: Node, plan: PlayPlan) -> tuple[int, list[int]]:
 
 
 def run_bare(node: Node, plan: PlayPlan) -> tuple[int, list[int]]:
-    """The least that keeps the schedule: when it began, when it handed out each message [ns]."""
+    """Publishes in a bare loop; returns its start time and all publishing times [ns]."""
     times: list[int] = []
     meters = publishers(node, plan, times)
     due = [
@@ -143,7 +143,7 @@ def run_bare(node: Node, plan: PlayPlan) -> tuple[int, list[int]]:
 
 
 def measure(way: str, bag: Path) -> dict[str, Any]:
-    """Lateness of one way [ms], and its share of a core."""
+    """Returns the lateness of one method [ms], and the share of a core that it uses."""
     rclpy.init()
     node = Node("bench")
     plan = make_plan(PlayRequest(bag))
@@ -162,7 +162,7 @@ def measure(way: str, bag: Path) -> dict[str, Any]:
 
 
 def compare(seconds: float, turns: int) -> dict[str, Any]:
-    """Both ways in turns, each in a process of its own."""
+    """Measures player and bare loop in turns, each in its own process."""
     runs: dict[str, list[dict[str, Any]]] = {"bare": [], "player": []}
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder) / "bag"
@@ -190,7 +190,7 @@ def compare(seconds: float, turns: int) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Prints the result as JSON; exit code 1 where the goal is missed."""
+    """Prints the result as JSON; returns 1 if the goal is missed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=5.0)
     parser.add_argument("--turns", type=int, default=3)

@@ -1,4 +1,4 @@
-"""Cost of asking: the scan of time scales, and the predictor's round trip.
+"""Measures the scan of time scales, and the round trip of the predictor's service.
 
     tools/run python benchmarks/bench_predict.py [--rounds 7]
 
@@ -43,14 +43,14 @@ MODEL = Model(Cylinder(0.05, 0.07)).with_effect("vertical_acceleration").nonline
 
 
 def motion() -> Trajectory:
-    """A line of 4 m."""
+    """Returns a straight rest-to-rest motion of 4 m."""
     t = np.linspace(0.0, SECONDS, round(SECONDS * RATE) + 1)
     _, _, acceleration = quintic(t / SECONDS)
     return Trajectory(t, np.outer(acceleration, [STROKE / SECONDS**2, 0.0, 0.0]))
 
 
 def scan_beside_loop(rounds: int) -> tuple[float, float]:
-    """Seconds of the scan and of the loop, medians."""
+    """Returns the median times of the scan and of a loop of single simulations [s]."""
     one, horizon = motion(), usual_horizon(MODEL)
     found = safe_scales(MODEL, one, LIMITS)  # compiled, and warm
     print(f"safe from {found.safe_from:.4f}, islands {found.islands}")
@@ -69,7 +69,7 @@ def scan_beside_loop(rounds: int) -> tuple[float, float]:
 
 
 def request(*, empty: bool = False, scales: bool = False) -> PredictSlosh.Request:
-    """The motion; `empty`: of the same size, with a limit that is refused at once."""
+    """Creates a prediction request; with `empty`, one of equal size that is refused at once."""
     one = motion()
     made = PredictSlosh.Request(limit=0.015, residual_limit=0.002, no_time_scales=not scales)
     made.time = one.t.tolist()
@@ -80,7 +80,7 @@ def request(*, empty: bool = False, scales: bool = False) -> PredictSlosh.Reques
 
 
 def round_trips(rounds: int) -> dict[str, float]:
-    """Seconds of each kind of call, medians."""
+    """Returns the median time of each kind of service call [s]."""
     with tempfile.TemporaryDirectory() as folder, own_domain() as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         model = Path(folder) / "model.yaml"
@@ -117,7 +117,7 @@ def round_trips(rounds: int) -> dict[str, float]:
 
 
 def call(node: Node, client: object, one: PredictSlosh.Request) -> None:
-    """Asks and waits."""
+    """Calls the prediction service and waits for its response."""
     future = client.call_async(one)  # type: ignore[attr-defined]
     rclpy.spin_until_future_complete(node, future, timeout_sec=30.0)
     if future.result() is None:
@@ -125,7 +125,7 @@ def call(node: Node, client: object, one: PredictSlosh.Request) -> None:
 
 
 def main() -> int:
-    """Measures; 1 where the scan misses its goal."""
+    """Measures and prints the times; returns 1 if the scan misses its goal."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=7)
     rounds = parser.parse_args().rounds

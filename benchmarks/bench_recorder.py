@@ -1,4 +1,4 @@
-"""Processor time of the recorder beside that of writing the same messages with mcap alone.
+"""Compares the recorder's processor time with writing the same messages with mcap alone.
 
     tools/run python benchmarks/bench_recorder.py [--seconds 8] [--rounds 3]
 
@@ -70,7 +70,7 @@ TICKS = os.sysconf("SC_CLK_TCK")
 
 
 def pictures(count: int = 20) -> list[Any]:
-    """Smooth images with a camera's noise, none like the others."""
+    """Returns smooth grey images with camera noise, all of them different."""
     rng = np.random.default_rng(0)
     rows, columns = np.mgrid[0:720, 0:1280]
     smooth = 120.0 + 60.0 * np.sin(columns / 90.0) + 30.0 * np.cos(rows / 70.0)
@@ -82,7 +82,7 @@ def pictures(count: int = 20) -> list[Any]:
 
 
 def send(kind: str) -> None:
-    """Publishes accelerations and images until it is killed."""
+    """Publishes accelerations and images until the process is killed."""
     rclpy.init()
     node = rclpy.create_node("source", namespace=NAMESPACE)
     if kind == "raw":
@@ -106,7 +106,7 @@ def send(kind: str) -> None:
 
 
 def receive(kind: str, batches: bool, mark: Path) -> None:
-    """Takes accelerations and images and drops them, until it is killed.
+    """Receives accelerations and images and drops them, until the process is killed.
 
     Args:
         kind: what kind of images.
@@ -141,7 +141,7 @@ def receive(kind: str, batches: bool, mark: Path) -> None:
 
 
 class _Sink(Node):
-    """As the recorder: the executor leaves its subscriptions alone."""
+    """Node that polls its subscriptions as the recorder does, outside of the executor."""
 
     def __init__(self) -> None:
         self.inputs: list[TopicInput] = []
@@ -149,19 +149,19 @@ class _Sink(Node):
 
     @property
     def subscriptions(self) -> Iterator[Any]:
-        """None for the executor."""
+        """Yields nothing, since the executor must not serve the subscriptions."""
         return iter(())
 
 
 def processor_time(pid: int) -> float:
-    """What a process has used so far, user and system [s]."""
+    """Returns the user and system time that a process has used so far [s]."""
     fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / TICKS
 
 
 @contextmanager
 def process(*command: str, end: int = signal.SIGKILL) -> Iterator[int]:
-    """A process of its own for some time; its id."""
+    """Runs a command in its own process inside a `with` block; yields its process id."""
     child = subprocess.Popen([sys.executable, *command])
     try:
         yield child.pid
@@ -171,7 +171,7 @@ def process(*command: str, end: int = signal.SIGKILL) -> Iterator[int]:
 
 
 def share(pid: int, seconds: float, ready: Callable[[], bool]) -> float:
-    """A process's processor time per time, from a while after it is ready."""
+    """Returns the share of a core that a process uses, after it has become ready."""
     deadline = time.monotonic() + PATIENCE
     while not ready():
         if time.monotonic() > deadline:
@@ -184,19 +184,19 @@ def share(pid: int, seconds: float, ready: Callable[[], bool]) -> float:
 
 
 def recorded(bag: Path) -> int:
-    """Bytes in a bag's files."""
+    """Returns the size of a bag's files [bytes]."""
     return sum(file.stat().st_size for file in bag.glob("*.mcap"))
 
 
 def fed(act: Callable[[], None]) -> float:
-    """Processor time that something takes in this process [s]."""
+    """Returns the processor time that a function uses in this process [s]."""
     before = time.process_time()
     act()
     return time.process_time() - before
 
 
 def with_mcap(messages: list[BagMessage], path: Path) -> None:
-    """Writes the messages with mcap alone."""
+    """Writes the messages with the library mcap alone."""
     definitions = Definitions()
     channels: dict[str, int] = {}
     with path.open("wb") as stream:
@@ -215,14 +215,14 @@ def with_mcap(messages: list[BagMessage], path: Path) -> None:
 
 @contextmanager
 def same_level() -> Iterator[None]:
-    """Has mcap's writer compress as the recorder does."""
+    """Makes mcap's writer use the recorder's compression level inside a `with` block."""
     compressor = zstandard.ZstdCompressor(level=FAST)
     with unittest.mock.patch("mcap.writer.zstandard.compress", compressor.compress):
         yield
 
 
 def with_core(messages: list[BagMessage], folder: Path) -> None:
-    """Writes the messages with the recorder's queue and thread."""
+    """Writes the messages with the recorder's queue and thread, without ROS."""
     recorder = Recorder(folder)
     for name, message_type in {(m.topic, m.message_type) for m in messages}:
         recorder.add_topic(name, message_type, Qos())
@@ -237,7 +237,7 @@ def with_core(messages: list[BagMessage], folder: Path) -> None:
 
 
 def measure(kind: str, seconds: float, folder: Path) -> dict[str, float]:
-    """All shares, one after the other."""
+    """Measures the processor shares of all methods, one after the other."""
     shares = {}
     with process(__file__, "--send", kind):
         for name in ("receive", "callbacks"):
@@ -265,7 +265,7 @@ def measure(kind: str, seconds: float, folder: Path) -> dict[str, float]:
 
 
 def main() -> int:
-    """Prints the medians as JSON; exit code 1 where the goal is missed."""
+    """Prints the medians as JSON; returns 1 if the goal is missed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=8.0)
     parser.add_argument("--rounds", type=int, default=3)
@@ -283,7 +283,7 @@ def main() -> int:
 
 
 def compare(kinds: Sequence[str], count: int, seconds: float) -> int:
-    """Prints each kind's medians; exit code 1 where the goal is missed."""
+    """Prints the medians for each kind of image; returns 1 if the goal is missed."""
     reached = True
     for kind in kinds:
         rounds = []

@@ -1,4 +1,4 @@
-"""Speed and memory of `slosh replay`, beside mcap and mcap_ros2 that only read and decode.
+"""Measures speed and memory of `slosh replay`, against only decoding with mcap_ros2.
 
     tools/run python benchmarks/bench_replay.py [--seconds 600] [--turns 3]
 
@@ -82,7 +82,7 @@ Columns = dict[str, Any]
 
 
 def motion(seconds: float) -> Samples:
-    """Six seconds of motion in all directions, four of rest, again and again, with noise."""
+    """Returns samples with noise of repeated motions of 6 s in all directions and rests of 4 s."""
     t = np.arange(round(seconds * RATE)) / RATE
     phase = t % 10.0
     swell = np.where(phase < 6.0, np.sin(np.pi * phase / 6.0) ** 2, 0.0)
@@ -96,7 +96,7 @@ def motion(seconds: float) -> Samples:
 
 
 def write_bag(folder: Path, seconds: float) -> Path:
-    """A recording of the cell; returns its folder."""
+    """Writes a bag of a simulated robot cell; returns its folder."""
     samples = motion(seconds)
     estimates = Estimator(MODEL).update_many(samples)
     images = np.unique(np.arange(0, len(samples.stamps), RATE / IMAGES).astype(int))
@@ -121,25 +121,25 @@ def write_bag(folder: Path, seconds: float) -> Path:
 
 
 def accelerations(samples: Samples) -> Columns:
-    """Fields of AccelStamped."""
+    """Returns the columns of AccelStamped messages."""
     return {f"accel.linear.{axis}": samples.accelerations[:, i] for i, axis in enumerate("xyz")}
 
 
 def estimated(estimates: Estimates) -> Columns:
-    """Fields of SloshEstimate."""
+    """Returns the columns of SloshEstimate messages."""
     counts = np.arange(1, len(estimates.stamps) + 1)
     return {**estimate_columns(estimates), "samples_used": counts}
 
 
 def measured(estimates: Estimates, images: Any) -> Columns:
-    """Fields of FreeSurface: the NL model's heights, a little wrong."""
+    """Returns FreeSurface columns: the nonlinear model's heights with 2 % error and noise."""
     height = estimates.heights[images, 1, 0]
     noise = 2e-4 * np.random.default_rng(1).standard_normal(len(images))
     return {"msh": 1.02 * height + noise, "azimuth": estimates.heights[images, 1, 1]}
 
 
 def compared(estimates: Estimates, images: Any) -> Columns:
-    """Fields of SloshComparison."""
+    """Returns the columns of SloshComparison messages."""
     feed = MonitorFeed(MonitorSettings())
     heights = MonitoredHeights(
         estimates.stamps, estimates.heights[:, 0, 0], estimates.heights[:, 1, 0], estimates.flags
@@ -156,7 +156,7 @@ def compared(estimates: Estimates, images: Any) -> Columns:
 
 
 class Packer:
-    """Makes messages from columns."""
+    """Serialises columns of values to messages."""
 
     def __init__(self, definitions: Definitions) -> None:
         for kind in TYPES.values():
@@ -164,7 +164,7 @@ class Packer:
         self._store = definitions.typestore
 
     def settings(self) -> list[tuple[int, str, bytes]]:
-        """Those of the estimator and of the monitor."""
+        """Returns the serialised settings messages of estimator and monitor."""
         kind = TYPES["/slosh/settings"]
         found = []
         for node, parameters in PARAMETERS.items():
@@ -181,7 +181,7 @@ class Packer:
     def pack(
         self, topic: str, stamps: Any, late_ms: int, columns: Columns
     ) -> list[tuple[int, str, bytes]]:
-        """Log time [ns], topic and bytes of each message."""
+        """Returns log time [ns], topic and bytes of each message."""
         kind = TYPES[topic]
         template = bytes(self._store.serialize_cdr(self._blank(kind), kind))
         layout = layout_of(self._store, kind, template)
@@ -192,7 +192,7 @@ class Packer:
         return [(at, topic, row.tobytes()) for at, row in zip(logged, packed, strict=True)]
 
     def _blank(self, kind: str) -> Any:
-        """A message whose numbers are all zero and whose strings are as usual."""
+        """Returns a message with zero numbers and the usual strings."""
         types: Any = self._store.types
         header = self._header()
         if kind == TYPES["/slosh/accel"]:
@@ -222,7 +222,7 @@ class Packer:
 
 
 def decode(bag: Path) -> int:
-    """Reads and decodes all messages by mcap and mcap_ros2; returns their number."""
+    """Reads and decodes all messages with mcap and mcap_ros2; returns their number."""
     count = 0
     with next(bag.glob("*.mcap")).open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
@@ -232,7 +232,7 @@ def decode(bag: Path) -> int:
 
 
 def replay(bag: Path) -> ReplayResult:
-    """Replays; a figure of a replay that is not right would say nothing."""
+    """Replays a bag; ends the program if the estimates are not reproduced exactly."""
     result = replay_bag(bag)
     if result.verification is None or not result.verification.exact:
         raise SystemExit(f"{bag}: did not come out again bit for bit")
@@ -240,14 +240,14 @@ def replay(bag: Path) -> ReplayResult:
 
 
 def processor_time(run: Callable[[], Any]) -> float:
-    """What a call takes [s]."""
+    """Returns the processor time of a function call [s]."""
     begin = time.process_time()
     run()
     return time.process_time() - begin
 
 
 def speed(bag: Path, short: Path, seconds: float, turns: int) -> dict[str, Any]:
-    """Replay beside decoding, and the whole command."""
+    """Compares the times of replay and decoding, and of the whole command."""
     replay(short)  # compiles, and fills the caches
     count = decode(bag)
     replays, decodes = [], []
@@ -272,7 +272,7 @@ def speed(bag: Path, short: Path, seconds: float, turns: int) -> dict[str, Any]:
 
 
 def memory(bag: Path, short: Path) -> dict[str, Any]:
-    """Greatest memory of processes that replay more and more [MiB]."""
+    """Returns the peak memory of processes that replay more and more data [MiB]."""
     copies = []
     for number in range(LONGER):
         copies.append(short.with_name(f"copy{number}"))
@@ -290,7 +290,7 @@ def memory(bag: Path, short: Path) -> dict[str, Any]:
 
 
 def measure(bags: list[Path]) -> int:
-    """Replays bags in this process and prints its greatest memory [MiB]."""
+    """Replays bags in this process and prints its peak memory [MiB]."""
     from slosh_bringup.cli.main import main as slosh
 
     code = slosh(["replay", *map(str, bags), "--check", "--jobs", "1", "--json"])
@@ -299,7 +299,7 @@ def measure(bags: list[Path]) -> int:
 
 
 def main() -> int:
-    """Prints the result as JSON; exit code 1 where a goal is missed."""
+    """Prints the result as JSON; returns 1 if a goal is missed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--turns", type=int, default=3)

@@ -1,4 +1,4 @@
-"""Processor time per message of the estimator node that compares its input with a second source.
+"""Measures the processor time that comparing a second motion source adds to the estimator.
 
 Two nodes receive AccelStamped at 1 kHz; poses of the same motion come at 125 Hz beside it. One has
 `second_source: auto`, which takes the poses, the other `none`. They sit in the same executor and
@@ -37,7 +37,7 @@ REACH, SPEED = 0.2, 2.0 * math.pi
 
 
 def send(namespace: str, count: int) -> None:
-    """Publishes accelerations at the rate, and poses, of motions after each of which is judged."""
+    """Publishes accelerations and poses of motions that each end with a judgement."""
     rclpy.init()
     node = rclpy.create_node("sender", namespace=namespace)
     accels = node.create_publisher(AccelStamped, topics.ACCEL, qos.STREAM_OUT)
@@ -64,7 +64,7 @@ def send(namespace: str, count: int) -> None:
 
 
 def measure(executor: Any, meter: Meter, namespace: str, seconds: float) -> float:
-    """Processor time per answered message [s]."""
+    """Returns a node's processor time per answered message [s]."""
     total = round(seconds * RATE) + WARM_UP
     words = [sys.executable, __file__, "--send", namespace, "--count", str(total)]
     sender = subprocess.Popen(words)
@@ -82,7 +82,7 @@ def measure(executor: Any, meter: Meter, namespace: str, seconds: float) -> floa
 
 
 def compare(seconds: float, turns: int) -> dict[str, Any]:
-    """Measures both nodes in turns, after a first one that is not counted."""
+    """Measures both nodes in turns; the first turn is not counted."""
     rclpy.init()
     graph = Graph()
     with tempfile.TemporaryDirectory() as folder:
@@ -114,7 +114,7 @@ def compare(seconds: float, turns: int) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Prints the result as JSON; exit code 1 where the goal is missed."""
+    """Prints the result as JSON; returns 1 if the goal is missed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=5.0)
     parser.add_argument("--turns", type=int, default=5)

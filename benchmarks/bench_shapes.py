@@ -1,4 +1,4 @@
-"""Cost per sample of a cup by its contour, against a cylinder's linear model.
+"""Compares simulation times of a cup defined by its contour and of a cylinder.
 
     tools/run python benchmarks/bench_shapes.py [--rounds 60]
 
@@ -24,7 +24,7 @@ SAMPLES, RATE = 50_000, 1000.0
 
 
 def main() -> int:
-    """Prints times per sample and their ratio; 1 where it is above the goal."""
+    """Prints times per sample and their ratio; returns 1 if it exceeds the goal."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=60)
     given = parser.parse_args()

@@ -1,4 +1,4 @@
-"""Colour images that arrive by shared memory, beside loopback UDP alone.
+"""Compares image transport by shared memory with transport by loopback UDP only.
 
     tools/run python benchmarks/bench_transports.py [--seconds 8]
 
@@ -45,7 +45,7 @@ PATIENCE = 30.0
 
 
 class Stream(NamedTuple):
-    """Images that are sent: rows, columns and how many a second."""
+    """Size and rate of the images to send: rows, columns, images per second."""
 
     height: int
     width: int
@@ -56,7 +56,7 @@ STREAMS = (Stream(480, 640, 60.0), Stream(1080, 1920, 30.0), Stream(2160, 3840, 
 
 
 def main() -> int:
-    """Prints a line for each size, transport and reader; 1 where the goal is missed."""
+    """Prints results by image size, transport and reader; returns 1 if a goal is missed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=8.0)
     parser.add_argument("--role", nargs=6, help=argparse.SUPPRESS)
@@ -72,7 +72,7 @@ def main() -> int:
 
 
 def udp_alone(folder: Path) -> dict[str, str]:
-    """The variables by which a process uses the cell's own profile without shared memory."""
+    """Returns environment variables for DDS without shared memory, but else the cell's profile."""
     ElementTree.register_namespace("", SPACE["dds"])
     profile = ElementTree.parse(PROFILE)
     for used in profile.iterfind(".//dds:userTransports", SPACE):
@@ -85,7 +85,7 @@ def udp_alone(folder: Path) -> dict[str, str]:
 
 
 def compare(environments: dict[str, dict[str, str]], seconds: float) -> int:
-    """Prints what arrives; 1 where shared memory misses the goal."""
+    """Prints which share of images arrives; returns 1 if shared memory misses the goal."""
     reached = True
     for stream in STREAMS:
         for kind in READERS:
@@ -103,7 +103,7 @@ def compare(environments: dict[str, dict[str, str]], seconds: float) -> int:
 def measure(
     stream: Stream, kind: str, environment: dict[str, str], seconds: float
 ) -> tuple[float, float]:
-    """The share that arrived, and processor time per image that did [ms]."""
+    """Returns the share of images that arrive, and processor time per arrived image [ms]."""
     ends = [
         subprocess.Popen(
             [sys.executable, __file__, "--role", role, kind, *map(str, stream), str(seconds)],
@@ -118,7 +118,7 @@ def measure(
 
 
 def send(stream: Stream, seconds: float) -> int:
-    """Sends the images; prints how many, and its processor time [s]."""
+    """Sends the images; prints their number and the processor time used [s]."""
     rclpy.init()
     publisher = Node("sends").create_publisher(Image, "image", qos.IMAGE_OUT)
     row = 3 * stream.width
@@ -138,7 +138,7 @@ def send(stream: Stream, seconds: float) -> int:
 
 
 def read(kind: str) -> int:
-    """Reads until nothing comes any more; prints how many, and its processor time [s]."""
+    """Receives images until none comes any more; prints their number and processor time [s]."""
     rclpy.init()
     node = Node("reads")
     got = 0

@@ -1,4 +1,4 @@
-"""Processor time per message of the estimator node with a tray of four cups against one cup.
+"""Compares the estimator node's processor time for a tray of four cups and for one cup.
 
 Both receive AccelStamped at 1 kHz and answer each; they sit in the same executor and take turns,
 as in bench_estimator_node.py. The ratio is that of the medians over the turns.
@@ -29,7 +29,7 @@ PLACES = ((0.1, 0.1), (-0.1, 0.1), (-0.1, -0.1), (0.1, -0.1))
 
 
 def compare(seconds: float, turns: int) -> dict[str, Any]:
-    """Measures both nodes in turns."""
+    """Measures the nodes for one cup and for four cups in turns."""
     rclpy.init()
     graph = Graph()
     with tempfile.TemporaryDirectory() as folder:
@@ -66,7 +66,7 @@ def compare(seconds: float, turns: int) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Prints the result as JSON; exit code 1 where the goal is missed."""
+    """Prints the result as JSON; returns 1 if the goal is missed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=5.0)
     parser.add_argument("--turns", type=int, default=5)

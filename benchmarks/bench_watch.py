@@ -1,4 +1,4 @@
-"""What the operator's page costs the cell: with 0, 3 and 20 viewers, one of them deaf.
+"""Measures what the operator's web page costs the cell, with 0, 3 and 20 viewers.
 
 All nodes of the simulated cell run as processes, with the page; viewers come and go in turns, so
 that a busy machine disturbs all alike. Told are the processor time of the other nodes as a ratio
@@ -42,7 +42,7 @@ PAGE = Path(__file__).resolve().parent.parent / "docs" / "watch.md"
 
 
 class Viewer(threading.Thread):
-    """Reads frames as a browser does; notes how old the newest comparison is at its arrival."""
+    """A viewer of the web page, which records the age of each comparison that it receives."""
 
     def __init__(self) -> None:
         super().__init__(daemon=True)
@@ -50,7 +50,7 @@ class Viewer(threading.Thread):
         self._socket = connect(f"ws://127.0.0.1:{PORT}/frames", max_size=None).__enter__()
 
     def run(self) -> None:
-        """Reads until it is closed."""
+        """Receives page updates until the connection is closed."""
         try:
             for message in self._socket:
                 if isinstance(message, str):
@@ -61,12 +61,12 @@ class Viewer(threading.Thread):
             return
 
     def close(self) -> None:
-        """Goes away."""
+        """Closes the viewer's connection."""
         self._socket.__exit__(None, None, None)
 
 
 def deaf_viewer() -> socket.socket:
-    """One that asks for frames and reads nothing."""
+    """Opens a connection that requests page updates but never reads them."""
     viewer = socket.create_connection(("127.0.0.1", PORT))
     viewer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     viewer.sendall(
@@ -82,7 +82,7 @@ Turn = tuple[dict[str, float], list[float]]
 
 
 def turn(nodes: dict[str, psutil.Process], count: int, seconds: float) -> Turn:
-    """Processor time of each node per second with so many viewers, and what the viewers noted."""
+    """Returns each node's processor time per second with a number of viewers, and data ages."""
     viewers = [Viewer() for _ in range(max(count - 1, 0))]
     deaf = [deaf_viewer()] if count else []
     for viewer in viewers:
@@ -100,13 +100,13 @@ def turn(nodes: dict[str, psutil.Process], count: int, seconds: float) -> Turn:
 
 
 def used(process: psutil.Process) -> float:
-    """Processor time so far [s]."""
+    """Returns the processor time that a process has used so far [s]."""
     times = process.cpu_times()
     return float(times.user + times.system)
 
 
 def wait_for_page(group: NodeGroup) -> None:
-    """Until the cell compares."""
+    """Waits until the web page shows that the cell compares heights."""
     deadline = time.monotonic() + PATIENCE
     while time.monotonic() < deadline and not group.ended():
         try:
@@ -120,7 +120,7 @@ def wait_for_page(group: NodeGroup) -> None:
 
 
 def measure(seconds: float, turns: int) -> list[str]:
-    """The table's lines."""
+    """Runs the cell with different numbers of viewers; returns the table's lines."""
     setup = default_setup()
     with ExitStack() as stack:
         domain = stack.enter_context(own_domain())
@@ -140,7 +140,7 @@ def measure(seconds: float, turns: int) -> list[str]:
 
 
 def table(rounds: Sequence[Sequence[Turn]]) -> list[str]:
-    """Medians over the turns."""
+    """Formats medians over all turns as lines of a Markdown table."""
     lines = [
         "| viewers | the other nodes, cores | ratio to none "
         "| the watch node, share of a core | stamp to viewer, median [s] |",
@@ -164,7 +164,7 @@ def table(rounds: Sequence[Sequence[Turn]]) -> list[str]:
 
 
 def main() -> int:
-    """Measures and prints."""
+    """Measures and prints the table; writes it to docs/watch.md if requested."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("--seconds", type=float, default=8.0)
     parser.add_argument("--turns", type=int, default=3)

@@ -1,4 +1,4 @@
-"""Time and memory of what the benchmarks run."""
+"""Measures time and memory of what the benchmarks run."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from pathlib import Path
 
 
 def timed(work: Callable[[], object]) -> float:
-    """Time of a call [s]."""
+    """Returns the elapsed time of a function call [s]."""
     begin = time.perf_counter()
     work()
     return time.perf_counter() - begin
 
 
 def peak_memory() -> float:
-    """Greatest memory of this process [MiB].
+    """Returns the peak memory of this process [MiB].
 
     Not from getrusage: that counts the process it was started by.
     """
@@ -27,7 +27,7 @@ def peak_memory() -> float:
 
 
 def greatest_memory(program: str, *words: Path) -> float:
-    """Greatest memory of `PROGRAM --measure WORD…`, which prints it in its last line [MiB]."""
+    """Returns the peak memory [MiB] that `PROGRAM --measure WORD…` prints in its last line."""
     command = [sys.executable, program, "--measure", *map(str, words)]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     return float(done.stdout.splitlines()[-1])

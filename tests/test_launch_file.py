@@ -11,6 +11,8 @@ from slosh_bringup.launched_cell import LaunchedCell
 from slosh_bringup.processes import LONGEST_PAUSE, NODES
 from slosh_testing.launch_stand_in import Launch, Node, ParameterValue, read_launch_file
 
+FORCE = __file__
+"""A file that is there: the sensor node alone reads it."""
 NOW = datetime(2026, 11, 25, 9, 30, 1)
 
 
@@ -59,6 +61,16 @@ def test_the_default_cell(described, tmp_path):
         assert node.parameters[0].endswith("config/cell.yaml")
 
 
+def test_a_force_sensor_measures_beside_the_camera_or_in_its_place(described):
+    nodes = described(force=FORCE)
+    assert list(nodes) == ["recorder", "estimator", "camera", "sensor", "monitor"]
+    assert nodes["sensor"][1] == {"payload": FORCE, "beside_camera": True}
+    nodes = described(force=FORCE, camera="false")
+    assert nodes["sensor"][1] == {"payload": FORCE, "beside_camera": False}
+    assert nodes["monitor"][1] == {}
+    assert described(camera="false")["monitor"][1] == {"camera": False}
+
+
 def test_services_page_and_robot(described, tmp_path):
     nodes = described(
         record="false", predict="true", plan="1", watch="True", urdf="arm.urdf", tool_frame="cup",
@@ -78,6 +90,7 @@ def test_services_page_and_robot(described, tmp_path):
         ({}, "recorder,estimator,camera,monitor", 2),
         ({"record": "false"}, "estimator,camera,monitor", 1),
         ({"record": "false", "camera": "0"}, "estimator,monitor", 0),
+        ({"record": "false", "camera": "0", "force": FORCE}, "estimator,sensor,monitor", 0),
     ],
 )
 def test_the_simulated_cell_waits_for_those_that_are_started(described, arguments, waits, readers):
@@ -88,6 +101,7 @@ def test_the_simulated_cell_waits_for_those_that_are_started(described, argument
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
+        ({"force": "none.json"}, "force:=none.json: no such file"),
         ({"camera": "maybe"}, "camera:=maybe: must be true or false"),
         ({"input": "imuu"}, "estimator: input = 'imuu' must be one of accel, imu, pose"),
         ({"remap": "{imuu: /arm/imu}"}, "remap: no such topic: 'imuu' (known: accel, imu,"),

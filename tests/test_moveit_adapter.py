@@ -1,5 +1,6 @@
 """The adapter of docs/moveit.md slows, passes and refuses; MoveIt and rclcpp are stand-ins."""
 
+import os
 import re
 import shutil
 import subprocess
@@ -103,3 +104,17 @@ def adapter(tmp_path_factory):
 def test_a_motion_that(adapter, answer, told):
     done = subprocess.run([adapter, *answer], capture_output=True, text=True, check=True)
     assert done.stdout == ASKED + told
+
+
+def test_the_adapter_compiles_against_moveit_where_it_is_installed():
+    """The stand-ins above cannot show that MoveIt's classes still look like them."""
+    roots = [Path(one) for one in os.environ.get("AMENT_PREFIX_PATH", "").split(":") if one]
+    roots += [Path("/opt/ros/jazzy")]
+    header = "moveit/planning_interface/planning_response_adapter.hpp"
+    if not any((root / "include/moveit_core" / header).exists() for root in roots):
+        pytest.skip("MoveIt's headers (moveit_core) are not installed")
+    own = [f"-I{folder}" for root in roots for folder in (root / "include").glob("*")]
+    eigen = "-I/usr/include/eigen3"
+    subprocess.run(
+        ["g++", "-std=c++17", "-fsyntax-only", *own, *includes(), eigen, str(ADAPTER)], check=True
+    )

@@ -32,7 +32,7 @@ PATIENCE = 60.0
 # A Header of stamp 0 with the frame "a".
 HEADER, DATA = "std_msgs/msg/Header", bytes.fromhex("000100000000000000000000020000006100")
 MANY_MESSAGES, MANY_ROWS, MANY_IMAGES = 200_000, 60_000, 40
-NO_OUTPUT = ("play", "watch", "doctor", "explain", "mounting")
+NO_OUTPUT = ("play", "plc", "store", "watch", "doctor", "explain", "mounting")
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +62,7 @@ def shop(tmp_path_factory):
     make_bag(folder / "many_messages", MANY_MESSAGES)
     shutil.copytree(ROOT / "bags" / "l", folder / "recording")
     make_data_set(folder / "measured")
+    main(["ingest", str(folder / "recording"), "--store", str(folder / "stored")])
     return folder
 
 
@@ -334,6 +335,8 @@ CASES = {
         "recover SHOP/bag -o OUT/new", "new", "recover SHOP/many_messages -o OUT/new", limit=1_000
     ),
     "new": Case("new OUT/new --radius 0.05 --fill-height 0.07", "new"),
+    "ingest": Case("ingest SHOP/recording --store OUT/new", "new"),
+    "query --page": Case("query --store SHOP/stored --page OUT/a.html", "a.html", limit=2_000),
     "modes": Case("modes SHOP/model.yaml -o OUT/a.yaml", "a.yaml"),
     "motion": Case("motion quintic --speed 30 --stroke 0.1 -o OUT/a.csv", "a.csv"),
     "motion-map": Case(
@@ -487,6 +490,7 @@ ALLOWED = {
     "slosh_bag/black_box/event_bags.py": "removes the oldest of its own bags",
     "slosh_bag/interchange/foreign_storage.py": "a temporary copy of a database with its log",
     "slosh_bag/mcap_files/mcap_file.py": "makes files that are new, and removes its own",
+    "slosh_bag/store/stored_bags.py": "removes old bags of a cell's runs",
     "slosh_bag/recorder.py": "the space that it reserves beside the bag's files",
     "slosh_bringup/processes.py": "a node's log, in the folder of its run",
     "slosh_bringup/cli/quiet_decoders.py": "open(os.devnull)",

@@ -26,7 +26,7 @@ LOCKS = ("ros", "runtime", "development")
 ORDER = (
     "slosh_base", "slosh_msgs", "slosh_msgs_py", "slosh_model", "slosh_metrics", "slosh_tables",
     "slosh_camera", "slosh_report", "slosh_bag", "slosh_estimator", "slosh_plan", "slosh_replay",
-    "slosh_discovery", "slosh_bringup", "slosh", "slosh_testing",
+    "slosh_discovery", "slosh_plc", "slosh_bringup", "slosh", "slosh_testing",
 )  # fmt: skip
 """A package imports those before it alone."""
 ROSDEP = {
@@ -47,7 +47,15 @@ PIP = {
 """Import name to requirement, where it has another."""
 UNSEEN = {"slosh_bringup": {"websockets"}}
 """What one of the imported packages imports, and calls optional."""
-OPTIONAL = {"argcomplete", "casadi", "pandas"}
+OPTIONAL = {
+    "aiomqtt",
+    "argcomplete",
+    "asyncua",
+    "casadi",
+    "cryptography",
+    "pandas",
+    "pymodbus",
+}
 """Imported where it is used, and told of where it is missing."""
 MESSAGE_TYPE = re.compile(r"(\w+)/(?:msg|srv)/\w+")
 

@@ -1,4 +1,4 @@
-"""Measures anew the tables that docs/ states.
+"""Measures the accuracy tables of the documentation again and writes them to its pages.
 
     tools/run python tools/accuracy_tables.py [cell] [measured]
 
@@ -37,7 +37,7 @@ PAIRS = ("camera / truth", "3D-NL / truth", "3D-NL / camera", "3D-L / camera")
 
 
 def main() -> int:
-    """Fills the tables that are asked for; all without arguments."""
+    """Measures and writes the tables named on the command line, by default all."""
     wanted = sys.argv[1:] or ["cell", "measured"]
     if "cell" in wanted:
         cell_table()
@@ -47,14 +47,14 @@ def main() -> int:
 
 
 def cell_table() -> None:
-    """Runs every motion of the simulated cell."""
+    """Runs every motion of the simulated cell and writes the table of accuracies."""
     names = [name for name in MOTIONS if "-" in name]
     rows = [cell_row(name, run_cell(name)) for name in names]
     fill(PAGE, "cell", HEAD + "".join(rows))
 
 
 def run_cell(name: str) -> dict[str, Any]:
-    """The figures of one motion."""
+    """Runs one motion of the simulated cell live and returns the results as a dictionary."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "slosh_bringup.cli", "demo", "--motion", name]
         done = subprocess.run(
@@ -66,7 +66,7 @@ def run_cell(name: str) -> dict[str, Any]:
 
 
 def cell_row(name: str, figures: dict[str, Any]) -> str:
-    """One line of the table; MAE in mm, ε in %."""
+    """Formats one motion's results as a Markdown table row, with MAE in mm and ε in %."""
     by_name = {row["name"]: row for row in figures["agreements"]}
     cells = []
     for pair in PAIRS:
@@ -78,7 +78,7 @@ def cell_row(name: str, figures: dict[str, Any]) -> str:
 
 
 def measured_tables() -> None:
-    """Replays what others measured and computed."""
+    """Replays public measurements and CFD results and writes the accuracy tables."""
     data = Path(os.environ.get("SLOSH_SHARED_DATA", ROOT.parent / "shared" / "data"))
     page = ROOT / "docs" / "results" / "measurements.md"
     with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""Boards before a camera that is known: rendered ray by ray, without the package's geometry."""
+"""Renders calibration boards before a known camera by ray tracing, without slosh_camera's code."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Place = tuple[float, float, float, float, float]
 
 
 class BoardCamera(NamedTuple):
-    """A camera: image size, focal lengths, principal point [px], and its lens.
+    """A simulated camera: image size, focal lengths, principal point [px], and lens distortion.
 
     The lens has k1, k2, p1, p2, k3, a rational one k4, k5, k6 too; a fisheye has four numbers.
     """
@@ -28,7 +28,7 @@ class BoardCamera(NamedTuple):
 
     @property
     def matrix(self) -> FloatArray:
-        """The camera's matrix (3, 3)."""
+        """Camera matrix K, (3, 3) [px]."""
         (fx, fy), (cx, cy) = self.focal, self.centre
         return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
@@ -57,7 +57,7 @@ def pose(
     distance: float,
     camera: BoardCamera = CAMERA,
 ) -> tuple[FloatArray, FloatArray]:
-    """Rotation (3, 3) and translation (3,) board -> camera of a board whose middle is aimed at."""
+    """Returns rotation and translation, board to camera, of a board placed before the camera."""
     about = (np.deg2rad([about_x, 0.0, 0.0]), np.deg2rad([0.0, about_y, 0.0]))
     turns = [np.asarray(cv2.Rodrigues(turn)[0], np.float64) for turn in about]
     turn = turns[0] @ turns[1]
@@ -67,7 +67,7 @@ def pose(
 
 
 def rays_of(pixels: FloatArray, camera: BoardCamera = CAMERA) -> FloatArray:
-    """Directions (N, 3) of pixels (N, 2), by a fixed point of the distortion's equations."""
+    """Returns the viewing directions (N, 3) of pixels (N, 2), by fixed-point iteration."""
     seen = (pixels - camera.centre) / camera.focal
     if len(camera.lens) == 4:
         return _fisheye_rays(seen, camera.lens)
@@ -95,7 +95,7 @@ def _fisheye_rays(seen: FloatArray, lens: tuple[float, ...]) -> FloatArray:
 
 @cache
 def all_rays(camera: BoardCamera = CAMERA) -> FloatArray:
-    """Directions of the samples of all pixels, row by row."""
+    """Returns the viewing directions of all sub-pixel samples of the image, row by row."""
     width, height = camera.size
     steps = (np.arange(_FINE * width) + 0.5) / _FINE - 0.5
     u, v = np.meshgrid(steps, steps[: _FINE * height])
@@ -110,7 +110,7 @@ def render(
     seed: int = 0,
     camera: BoardCamera = CAMERA,
 ) -> Image:
-    """Image of a page that lies in the board's plane, of the camera's size.
+    """Renders the camera's image of a flat printed page that lies in the board's plane.
 
     Args:
         page: (H, W) grey levels of the board alone; its corner is the board's origin.
@@ -135,7 +135,7 @@ def render(
 
 
 def page_of(boxes: Iterable[Sequence[float]], width: float, height: float, scale: float) -> Image:
-    """Grey levels of black boxes on white; lengths in mm, scale in px/m."""
+    """Draws black boxes on a white page; lengths are in mm, the scale in px/m."""
     page = np.full((round(height * scale / 1e3), round(width * scale / 1e3)), 255, np.uint8)
     for box in boxes:
         left, top, right, bottom = (
@@ -147,7 +147,7 @@ def page_of(boxes: Iterable[Sequence[float]], width: float, height: float, scale
 
 
 def chessboard_page(columns: int, rows: int, square: float, scale: float) -> Image:
-    """A chessboard of so many inner corners; its first inner corner is a square off the origin."""
+    """Draws a chessboard page; its first inner corner is one square off the page's corner."""
     side = round(square * scale)
     cells = (np.indices((rows + 1, columns + 1)).sum(axis=0) % 2) * 255
     return np.kron(cells, np.ones((side, side))).astype(np.uint8)
@@ -160,7 +160,7 @@ def chessboard_pictures(
     poses: Sequence[Place] = POSES,
     camera: BoardCamera = CAMERA,
 ) -> list[Image]:
-    """Rendered pictures of a chessboard in many poses."""
+    """Renders images of a chessboard in many poses."""
     scale = 4000.0
     page = chessboard_page(columns, rows, square, scale)
     size = ((columns + 1) * square, (rows + 1) * square)

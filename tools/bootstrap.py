@@ -1,4 +1,4 @@
-"""Makes this checkout ready to run: environment, ROS 2 Jazzy, built workspace.
+"""Prepares this checkout for use: Python environment, ROS 2 Jazzy and built workspace.
 
     python3 tools/bootstrap.py
 
@@ -47,11 +47,11 @@ VARIABLES = ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "CMAK
 
 
 class BootstrapError(Exception):
-    """Something is missing on this machine; the text is one line that says what to do."""
+    """Error of something missing on this machine; the text is one line with the remedy."""
 
 
 def main() -> int:
-    """Brings the environment up to date; returns the exit code."""
+    """Brings the Python environment and the workspace up to date; returns the exit code."""
     try:
         python = find_python()
         check_place()
@@ -69,7 +69,7 @@ def main() -> int:
 
 
 def find_python() -> Path:
-    """The interpreter of the environment: SLOSH_PYTHON, ROS's own, or the first that fits."""
+    """Returns the Python for the environment: SLOSH_PYTHON, ROS's own, or the first suitable."""
     if chosen := os.environ.get("SLOSH_PYTHON"):
         candidates = [chosen]
     elif ROS.is_dir():
@@ -88,14 +88,14 @@ def find_python() -> Path:
 
 
 class Interpreter(NamedTuple):
-    """An interpreter outside of any environment, and its (major, minor)."""
+    """A Python interpreter outside of virtual environments, with its version (major, minor)."""
 
     path: Path
     version: tuple[int, int]
 
 
 def base_interpreter(python: str) -> Interpreter | None:
-    """The interpreter behind one that may be an environment's, this checkout's own, say.
+    """Returns the base interpreter of a Python that may belong to a virtual environment.
 
     Whether that environment is on PATH makes no difference then.
 
@@ -115,7 +115,7 @@ def base_interpreter(python: str) -> Interpreter | None:
 
 
 def check_place() -> None:
-    """Raises BootstrapError where the folder's name cannot stand in PATH or in a script."""
+    """Raises BootstrapError if the checkout's path has characters that PATH cannot contain."""
     odd = sorted(set(f"{ROOT}{VENV}") & set(NOT_IN_PATHS))
     if odd:
         raise BootstrapError(
@@ -125,7 +125,7 @@ def check_place() -> None:
 
 
 def check_tools() -> None:
-    """Raises BootstrapError, with the install line, for each compiler that the build lacks."""
+    """Raises BootstrapError, with the install command, for each missing compiler."""
     needed = {"g++": ("c++", "g++"), "gcc": ("cc", "gcc"), "make": ("make",)}
     missing = [package for package, names in needed.items() if not any(map(shutil.which, names))]
     if missing:
@@ -135,7 +135,7 @@ def check_tools() -> None:
 
 
 def once(name: str, folder: Path, inputs: Iterable[bytes], action: Callable[[], None]) -> None:
-    """Runs the action that fills the folder unless it was done before with the same inputs."""
+    """Runs an action that fills a folder, unless it was already run with the same inputs."""
     digest = hashlib.sha256()
     for item in inputs:
         digest.update(hashlib.sha256(item).digest())
@@ -154,7 +154,7 @@ def once(name: str, folder: Path, inputs: Iterable[bytes], action: Callable[[], 
 
 
 def requirement_files() -> list[Path]:
-    """The lock files to install, in order."""
+    """Returns the files with pinned package versions to install, in order."""
     names = ["runtime.txt", "development.txt"]
     return [
         REQUIREMENTS / name
@@ -163,13 +163,13 @@ def requirement_files() -> list[Path]:
 
 
 def environment_inputs(python: Path) -> list[bytes]:
-    """What the environment depends on."""
+    """Returns the data on which the virtual environment depends, for detecting changes."""
     choices = f"{python} {os.environ.get('SLOSH_NUMPY', '')} {ROS.is_dir()} {VENV}"
     return [choices.encode(), *(path.read_bytes() for path in requirement_files())]
 
 
 def install_environment(python: Path) -> None:
-    """Makes the virtual environment anew and installs the pinned versions into it."""
+    """Creates the virtual environment anew and installs the pinned package versions."""
     system = ["--system-site-packages"] if ROS.is_dir() else []
     run([str(python), "-m", "venv", "--clear", *system, str(VENV)])
     pip = [str(VENV / "bin/python"), "-m", "pip", "install", "--quiet", "--no-input"]
@@ -192,7 +192,7 @@ def install_environment(python: Path) -> None:
 
 
 def mend_wheels() -> None:
-    """Points the ROS wheels' CMake files to this environment instead of their build machine."""
+    """Corrects paths in the ROS wheels' CMake files, which name their build machine's folders."""
     query = (
         "import sysconfig, numpy; print(sysconfig.get_path('include')); print(numpy.get_include())"
     )
@@ -213,7 +213,7 @@ def mend_wheels() -> None:
 
 
 def flatten(option: str, paths: Iterable[Path]) -> list[str]:
-    """The same option before each path."""
+    """Returns command-line words with the same option before each path."""
     return [word for path in paths for word in (option, str(path))]
 
 
@@ -221,7 +221,7 @@ def flatten(option: str, paths: Iterable[Path]) -> list[str]:
 
 
 def workspace_inputs() -> list[bytes]:
-    """What the build depends on; the packages' Python modules are linked, not copied."""
+    """Returns the data on which the workspace build depends, for detecting changes."""
     patterns = ["*/package.xml", "*/setup.py", "*/setup.cfg", "*/CMakeLists.txt"]
     patterns += ["slosh_msgs/msg/*", "slosh_msgs/srv/*", "slosh_msgs/action/*"]
     files = sorted(path for pattern in patterns for path in (ROOT / "src").glob(pattern))
@@ -238,7 +238,7 @@ def workspace_inputs() -> list[bytes]:
 
 
 def build_workspace() -> None:
-    """Builds every package with colcon and writes the file that tools/run reads."""
+    """Builds every package with colcon and writes the environment file for tools/run."""
     for folder in ("build", "install", "log"):
         shutil.rmtree(WORKSPACE / folder, ignore_errors=True)
     environment = base_environment()
@@ -254,7 +254,7 @@ def build_workspace() -> None:
 
 
 def build_messages_elsewhere(environment: dict[str, str]) -> None:
-    """Builds the messages in a folder with a plain name, and copies them into the workspace.
+    """Builds the messages in a folder with a plain path, and copies them to the workspace.
 
     The CMake files of ROS 2 do not quote all paths. A link leads to the environment.
     """
@@ -277,7 +277,7 @@ def build_messages_elsewhere(environment: dict[str, str]) -> None:
 
 
 def colcon(arguments: list[str], folder: Path, environment: dict[str, str]) -> None:
-    """Runs `colcon build`.
+    """Runs `colcon build` in a folder; raises an error if the build fails.
 
     Raises:
         BootstrapError: it failed; the text has the first error and names the log.
@@ -299,7 +299,7 @@ def colcon(arguments: list[str], folder: Path, environment: dict[str, str]) -> N
 
 
 def compiled_inputs() -> list[bytes]:
-    """What the compiled functions depend on: sources, environment, and where they are kept."""
+    """Returns the data on which compiled functions depend: sources, environment, cache paths."""
     environment = (VENV / ".environment").read_bytes()
     variables = ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME")
     places = [os.environ.get(name, "").encode() for name in variables]
@@ -308,7 +308,7 @@ def compiled_inputs() -> list[bytes]:
 
 
 def compile_functions() -> None:
-    """Compiles all functions that run compiled, so that no node has to wait for them later."""
+    """Compiles all Numba functions in advance, so that no node has to wait for them."""
     # To bytecode first: where Python may write nothing, each process would do it anew.
     to_bytecode((ROOT / "src").glob("*/slosh*"))
     # What computes knows nothing of ROS 2, and does without the built workspace.
@@ -321,20 +321,20 @@ def compile_functions() -> None:
 
 
 def to_bytecode(folders: Iterable[Path]) -> None:
-    """Compiles modules to bytecode on all cores, but for the installed packages' own tests."""
+    """Compiles Python modules to bytecode on all cores, except tests of installed packages."""
     tests = "/site-packages/(.*/)?tests?/"
     command = [str(VENV / "bin/python"), "-m", "compileall", "-q", "-j", "0", "-x", tests]
     run([*command, *map(str, folders)])
 
 
 def first_error(text: str) -> str:
-    """The first line of a build's output that tells what went wrong."""
+    """Returns the first line of a build's output that contains an error message."""
     lines = [line.strip() for line in text.splitlines() if "rror" in line]
     return lines[0] if lines else "no error line found"
 
 
 def base_environment() -> dict[str, str]:
-    """The variables under which colcon runs: this environment in front, ROS 2 below it."""
+    """Returns the environment variables for colcon: virtual environment first, then ROS 2."""
     environment = dict(os.environ)
     environment.pop("PYTHONPATH", None)
     if ROS.is_dir():
@@ -352,7 +352,7 @@ def base_environment() -> dict[str, str]:
 
 
 def sourced(script: Path, environment: dict[str, str]) -> dict[str, str]:
-    """The environment after a shell has sourced the script."""
+    """Returns the environment variables after a shell has sourced a script."""
     command = f"source {shlex.quote(str(script))} >/dev/null && env -0"
     done = subprocess.run(
         ["bash", "-c", command], env=environment, capture_output=True, check=False
@@ -364,7 +364,7 @@ def sourced(script: Path, environment: dict[str, str]) -> dict[str, str]:
 
 
 def write_environment(environment: dict[str, str]) -> None:
-    """Writes the variables of the built workspace, and the `slosh` command that uses them."""
+    """Writes the built workspace's environment variables, and the `slosh` command."""
     script = WORKSPACE / "install" / "setup.bash"
     # colcon's script does not quote its Python; a link in the environment leads to the base.
     python = os.path.realpath(VENV / "bin/python")
@@ -393,13 +393,13 @@ def write_environment(environment: dict[str, str]) -> None:
 
 
 def site_packages() -> Path:
-    """Where the environment's interpreter looks for packages."""
+    """Returns the folder with the virtual environment's installed packages."""
     (found,) = (VENV / "lib").glob("python3*/site-packages")
     return found
 
 
 def new_entries(after: str, before: str) -> str:
-    """The entries of a path variable that were not there before, in order.
+    """Returns those entries of a path variable that were added to it, in order.
 
     Those of this checkout are new, whether they were there or not: they may be gone next time.
     """
@@ -411,14 +411,14 @@ def new_entries(after: str, before: str) -> str:
 
 
 def together(*actions: Callable[[], None]) -> None:
-    """Does all side by side; raises BootstrapError, once all have ended, where one failed."""
+    """Runs actions in parallel; raises the first failure's error after all have ended."""
     with ThreadPoolExecutor(len(actions)) as pool:
         for done in [pool.submit(action) for action in actions]:
             done.result()
 
 
 def run(command: list[str]) -> None:
-    """Runs a command; what it printed is shown where it failed."""
+    """Runs a command; raises BootstrapError with its output if it fails."""
     done = subprocess.run(
         command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
     )

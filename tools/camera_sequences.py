@@ -1,4 +1,4 @@
-"""Rendered image sequences with exact truth, as values: what the accuracy tools measure against.
+"""Reads rendered image sequences with exact heights, for measuring the camera's accuracy.
 
 A folder holds truth.json, the frames it names and, as a rule, an image of the liquid at rest. The
 format is that of `rendered/README.md` in the shared data; truth.json states its conventions.
@@ -37,7 +37,7 @@ _WAVES = (("A1", "phi", 1), ("A2", "phi2", 1), ("A20", "phi", 0), ("A22", "phi",
 
 @dataclass(frozen=True, slots=True)
 class FrameTruth:
-    """What is true in one frame.
+    """Exact heights and visibility of the surface in one rendered image.
 
     Attributes:
         index: of the frame.
@@ -66,7 +66,7 @@ class FrameTruth:
     waves: tuple[tuple[float, float, int], ...]
 
     def height(self, azimuth: NDArray[np.float64]) -> NDArray[np.float64]:
-        """True height of the wall line [m] at azimuths [rad]."""
+        """Returns the exact height of the contact line on the wall [m] at azimuths [rad]."""
         line = np.zeros(np.shape(azimuth))
         for size, phase, periods in self.waves:
             line = line + size * np.cos(periods * (azimuth - phase))
@@ -75,7 +75,7 @@ class FrameTruth:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RenderedSequence:
-    """One folder.
+    """A folder with rendered images of a container, their calibration and exact heights.
 
     Attributes:
         name: of the folder.
@@ -91,18 +91,18 @@ class RenderedSequence:
 
 
 def shared_sequences() -> list[Path]:
-    """Folders of the shared data; SLOSH_SHARED_DATA or ../shared/data says where they are."""
+    """Returns the folders of rendered sequences in the shared data (SLOSH_SHARED_DATA)."""
     data = Path(os.environ.get("SLOSH_SHARED_DATA", ROOT.parent / "shared" / "data"))
     return sorted(path.parent for path in (data / "rendered").glob("*/truth.json"))
 
 
 def sequences_in(folder: Path) -> list[Path]:
-    """The sequences in a folder; where it holds none, the folder itself."""
+    """Returns the sequences' folders in a folder; the folder itself if it contains none."""
     return sorted(path.parent for path in folder.glob("*/truth.json")) or [folder]
 
 
 def read_sequence(folder: Path) -> RenderedSequence:
-    """Read truth.json of a folder; images are read when they are measured.
+    """Reads a sequence's truth.json; its images are read later, when they are measured.
 
     Raises:
         SloshCameraError: the file cannot be read or lacks a key; the message names it.
@@ -124,7 +124,7 @@ def read_sequence(folder: Path) -> RenderedSequence:
 
 
 def fit_still(sequence: RenderedSequence) -> StillFit:
-    """What calibration makes of a sequence's image of the liquid at rest.
+    """Calibrates the camera's pose from a sequence's image of the liquid at rest.
 
     Raises:
         SloshCameraError: there is none, or it does not determine the pose.
@@ -138,7 +138,7 @@ def fit_still(sequence: RenderedSequence) -> StillFit:
 
 
 def read_image(path: Path, *, grey: bool = False) -> Image:
-    """An image as the detector takes it: blue-green-red, or grey.
+    """Reads an image as the detector takes it: in blue-green-red order, or grey.
 
     Raises:
         SloshCameraError: the file is missing or no image.

@@ -1,4 +1,4 @@
-"""Measure the line coverage of the quick tests and write docs/results/coverage.md.
+"""Measures the line coverage of the quick tests and writes docs/results/coverage.md.
 
     make coverage
     tools/run python tools/coverage_table.py [PYTEST ARGUMENT ...]
@@ -43,7 +43,7 @@ coverage does not see machine code. Lines run by a process that a test kills are
 
 
 def main(arguments: list[str]) -> int:
-    """Measures, writes or prints the table; returns the tests' exit code."""
+    """Measures the coverage, then prints or writes the table; returns the tests' exit code."""
     shutil.rmtree(WORK, ignore_errors=True)
     WORK.mkdir(parents=True)
     folders = [str(path.relative_to(ROOT)) for path in sorted(ROOT.glob("src/*/test"))]
@@ -66,7 +66,7 @@ def _coverage(*words: str) -> int:
 
 
 def table(files: dict[str, dict[str, dict[str, int]]]) -> str:
-    """Markdown: package, its lines, how many of them ran, the part of them.
+    """Formats line counts, executed lines and their share by package as a Markdown table.
 
     Args:
         files: `files` of coverage's JSON report, by path.

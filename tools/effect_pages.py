@@ -1,4 +1,4 @@
-"""What the registry and simulations say, for the pages in docs/effects; draws their pictures.
+"""Makes texts and pictures of the modelled effects for the pages in docs/effects.
 
 tools/run python tools/effect_pages.py
 """
@@ -51,7 +51,7 @@ STYLE = {
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """What the picture of an effect shows.
+    """Parameters, motion and base model with which an effect's picture is simulated.
 
     Attributes:
         parameters: of the effect.
@@ -106,19 +106,19 @@ SCENES = {
 
 
 def main() -> int:
-    """Draws every effect's picture."""
+    """Draws the pictures of all modelled effects."""
     for name in EFFECTS:
         picture(name).write_text(drawn(name), encoding="utf-8")
     return 0
 
 
 def picture(name: str) -> Path:
-    """Where the picture of an effect is."""
+    """Returns the path of a modelled effect's picture."""
     return FOLDER / f"{name}.svg"
 
 
 def part(effect: Effect) -> str:
-    """What a page says of its effect by the registry."""
+    """Returns the generated Markdown part of a modelled effect's page."""
     stages = ", ".join(stage.value for stage in effect.stages)
     blocks = [
         f"$${effect.equation}$$",
@@ -133,13 +133,13 @@ def part(effect: Effect) -> str:
 
 
 def only_for(effect: Effect) -> str:
-    """For which kinds of container it is; empty: for all."""
+    """Returns a sentence on the container shapes of an effect; empty if it applies to all."""
     kinds = " or a ".join(SECTIONS[section] for section in effect.sections)
     return f"Only for a {kinds}." if kinds else ""
 
 
 def parameter_table(effect: Effect) -> str:
-    """The parameters as a Markdown table; empty without any."""
+    """Formats an effect's parameters as a Markdown table, or a sentence if there are none."""
     if not effect.parameters:
         return "It has no parameters."
     rows = [
@@ -151,7 +151,7 @@ def parameter_table(effect: Effect) -> str:
 
 
 def parameter_row(parameter: Parameter) -> str:
-    """A line of the table."""
+    """Formats one parameter of a modelled effect as a Markdown table row."""
     cells = (
         f"`{parameter.name}`",
         parameter.unit,
@@ -165,19 +165,19 @@ def parameter_row(parameter: Parameter) -> str:
 
 
 def number(value: float | None) -> str:
-    """A number, or a dash for none."""
+    """Formats a number, or a dash if it is unknown."""
     return "–" if value is None else f"{value:g}"
 
 
 def use(effect: Effect) -> str:
-    """The lines of a model.yaml that add the effect, as in the picture."""
+    """Returns the lines of model.yaml that add an effect with its picture's parameters."""
     lines = ["effects:", f"  - name: {effect.name}"]
     lines += [f"    {key}: {value:g}" for key, value in SCENES[effect.name].parameters.items()]
     return "\n".join(lines)
 
 
 def caption(name: str) -> str:
-    """What the picture shows, with its figures."""
+    """Returns the caption of an effect's picture, with the main numbers."""
     scene = SCENES[name]
     _, plain, changed = heights(name)
     gap = 1e3 * (changed - plain)
@@ -193,19 +193,19 @@ def caption(name: str) -> str:
 
 
 def container(name: str) -> Cylinder | Rectangle:
-    """The cup, or the tank where the effect is for a rectangle."""
+    """Returns the container of an effect's picture: a cup, or a tank for effects of rectangles."""
     return CUP if EFFECTS[name].fits(CUP.section) else TANK
 
 
 def described(name: str) -> str:
-    """The container in words."""
+    """Describes the container in a modelled effect's picture in words."""
     if container(name) is CUP:
         return f"cup of {1e3 * CUP.radius:g} mm radius"
     return f"tank of {1e3 * TANK.width:g} mm × {1e3 * TANK.depth:g} mm"
 
 
 def table() -> str:
-    """All effects in one table."""
+    """Formats all modelled effects as one Markdown table."""
     rows = ["| effect | acts on | what | parameters |", "|---|---|---|---|"]
     for effect in EFFECTS.values():
         parameters = ", ".join(
@@ -219,7 +219,7 @@ def table() -> str:
 
 @cache
 def heights(name: str) -> tuple[Array, Array, Array]:
-    """Times [s] and the heights at them without and with an effect [m]."""
+    """Simulates a motion; returns times [s] and heights without and with an effect [m]."""
     scene = SCENES[name]
     base = Model(container(name))
     if "3D" in scene.base:
@@ -240,7 +240,7 @@ def heights(name: str) -> tuple[Array, Array, Array]:
 
 @cache
 def motion(kind: str) -> Inputs:
-    """A cup that is lifted, moved aside and forth, and brought back, then stands."""
+    """Returns a motion of a cup: lifted, moved to two places and brought back, then at rest."""
     t = np.arange(0.0, 5.0, 1.0 / RATE)
     moves = (
         (0.3, 0.75, (0.25, 0.07, 0.15)),
@@ -270,7 +270,7 @@ def motion(kind: str) -> Inputs:
 
 
 def leap(share: Array, order: int) -> Array:
-    """A move of least jerk from 0 to 1, or its second derivative."""
+    """Returns a minimum-jerk move from 0 to 1 at relative times, or its second derivative."""
     s = np.clip(share, 0.0, 1.0)
     if order == 0:
         return s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
@@ -278,7 +278,7 @@ def leap(share: Array, order: int) -> Array:
 
 
 def drawn(name: str) -> str:
-    """The picture as SVG; the same file each time."""
+    """Draws the picture of a modelled effect as SVG, always with the same content."""
     times, plain, changed = heights(name)
     with context(STYLE, after_reset=True):
         figure = Figure(figsize=(6.6, 3.7), layout="constrained")

@@ -1,4 +1,4 @@
-"""Every effect with parameters that clearly show, for tests of all of them."""
+"""Lists every modelled effect with parameters that clearly change the heights, for tests."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ STRENGTHS: dict[str, dict[str, float]] = {
 
 
 def in_fitting_container(model: Model, name: str) -> Model:
-    """The model, or the same in a rectangle where the effect is for one."""
+    """Returns the model, in a rectangular tank if the effect applies only to rectangles."""
     if EFFECTS[name].fits(model.container.section):
         return model
     tank = Rectangle(0.1, 0.08, model.container.fill_height)

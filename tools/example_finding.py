@@ -1,4 +1,4 @@
-"""Made-up findings of every verdict, for tests of what shows them and for looking at pages.
+"""Makes example results of discoveries with every verdict, for tests and for viewing pages.
 
 tools/run python tools/example_finding.py named -o page.html
 """
@@ -51,7 +51,7 @@ WHERE = (
 
 
 def example_inputs() -> Inputs:
-    """A motion of 2 s and its dwell, turning a little."""
+    """Returns a container motion of 2 s with some yaw, followed by rest."""
     t = np.arange(0.0, 6.0, 0.002)
     shape = np.where(t < 2.0, np.sin(np.pi * t / 2.0) ** 2, 0.0)
     acceleration = np.column_stack([3.0 * shape * np.sin(9.0 * t), 2.0 * shape, shape * np.cos(t)])
@@ -61,7 +61,7 @@ def example_inputs() -> Inputs:
 
 
 def example_motion(name: str, seed: int, *, azimuths: int = 0) -> MeasuredMotion:
-    """A motion with made-up heights, of which some are missing."""
+    """Returns an example motion with invented heights, some of which are missing."""
     heights = _wave(1.0) + NOISE * np.random.default_rng(seed).standard_normal(len(T))
     heights[(T > 1.0) & (T < 1.3)] = np.nan
     if not azimuths:
@@ -74,7 +74,7 @@ def example_motion(name: str, seed: int, *, azimuths: int = 0) -> MeasuredMotion
 def example_motion_finding(
     name: str, role: Role, seed: int, *, azimuths: int = 0
 ) -> MotionFinding:
-    """A motion that the base misses by a quarter and the found model hits."""
+    """Returns a motion whose base model is wrong by a quarter; the found model is right."""
     motion = example_motion(name, seed, azimuths=azimuths)
     truth = np.abs(_wave(1.0))[:, None]
     if motion.eta_azimuth is not None:
@@ -87,7 +87,7 @@ def example_motion_finding(
 
 
 def example_finding(verdict: Verdict = Verdict.NAMED) -> Finding:
-    """A finding in which every part has something to show, as its verdict allows."""
+    """Returns an example discovery result with content in every part that its verdict allows."""
     motions = (
         example_motion_finding("day_1#1", Role.FIT, 1),
         example_motion_finding("day_1#2", Role.FIT, 2),
@@ -123,7 +123,7 @@ def example_finding(verdict: Verdict = Verdict.NAMED) -> Finding:
 
 
 def example_report(verdict: Verdict = Verdict.NAMED) -> DiscoveryReport:
-    """A report of such a finding."""
+    """Returns a report of an example discovery result."""
     finding = example_finding(verdict)
     files = tuple(f"separating_{n + 1}.csv" for n in range(len(finding.separating)))
     return DiscoveryReport(
@@ -224,7 +224,7 @@ _WITH = {
 
 
 def main() -> None:
-    """Writes the page of an example."""
+    """Writes the HTML page of an example discovery result."""
     from slosh_discovery.discovery_report import discovery_text, render_discovery
 
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])

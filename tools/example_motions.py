@@ -1,4 +1,4 @@
-"""Smooth motions and what a camera sees of them, for tests of the discovery."""
+"""Makes smooth motions and simulated camera measurements of them, for tests of the discovery."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ DURATION, MOVING = 4.0, 2.5
 
 
 def inputs_of(seed: int, vertical: float = 1.0) -> Inputs:
-    """A smooth motion in all directions from rest to rest, and a dwell."""
+    """Returns a smooth rest-to-rest motion in all directions, followed by rest."""
     random = np.random.default_rng(seed)
     t = np.arange(0.0, DURATION, 0.004)
     window = np.where(t < MOVING, np.sin(np.pi * t / MOVING) ** 2, 0.0)
@@ -26,7 +26,7 @@ def inputs_of(seed: int, vertical: float = 1.0) -> Inputs:
 def measured(
     truth: Model, seed: int, *, offset: float = 0.0, level: float = 0.0, vertical: float = 1.0
 ) -> MeasuredMotion:
-    """What a camera sees of a motion."""
+    """Returns a motion with the heights that a camera would measure, with noise and offsets."""
     inputs = inputs_of(seed, vertical)
     t = np.arange(0.01, DURATION, 1.0 / 60.0)
     noise = NOISE * np.random.default_rng(1000 + seed).normal(size=len(t))

@@ -1,4 +1,4 @@
-"""Looks at an HTML page with a real browser, without a screen and without a network.
+"""Renders an HTML page with a real browser, without a screen and without a network.
 
     tools/run python tools/headless_browser.py PAGE.html -o PAGE.png [--width 390] [--dark]
     tools/run python tools/headless_browser.py PAGE.html -o PAGE.pdf
@@ -58,7 +58,7 @@ addEventListener("load", () => {{
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """How a page is looked at.
+    """An HTML page with the frame size and colour mode in which it is displayed.
 
     Attributes:
         page: its HTML text.
@@ -74,7 +74,7 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What the browser saw.
+    """What scripts returned and what pages logged in the browser.
 
     Attributes:
         values: what the script returned for each view.
@@ -86,12 +86,12 @@ class Seen:
 
 
 def find_browser() -> str | None:
-    """Path of a browser; None: there is none."""
+    """Returns the path of an installed browser, or None if there is none."""
     return next((path for name in BROWSERS if (path := shutil.which(name))), None)
 
 
 def look(views: Sequence[View], script: str) -> Seen:
-    """Loads pages in one browser and asks each something.
+    """Loads HTML pages in one browser and runs a script in each of them.
 
     Args:
         views: at least one.
@@ -110,7 +110,7 @@ def look(views: Sequence[View], script: str) -> Seen:
 
 
 def screenshot(view: View, target: Path) -> None:
-    """Draws a view as PNG."""
+    """Renders an HTML page in a given view as a PNG image."""
     with tempfile.TemporaryDirectory() as name:
         around = _around(Path(name), [view], "return null;")
         size = f"--window-size={view.width},{view.height}"
@@ -118,7 +118,7 @@ def screenshot(view: View, target: Path) -> None:
 
 
 def print_pdf(page: str, target: Path) -> None:
-    """Prints a page as PDF."""
+    """Prints an HTML page to a PDF file."""
     with tempfile.TemporaryDirectory() as name:
         file = Path(name) / "page.html"
         file.write_text(page, encoding="utf-8")
@@ -127,7 +127,7 @@ def print_pdf(page: str, target: Path) -> None:
 
 
 def console(log: str) -> list[str]:
-    """What pages wrote to the console, out of the browser's log."""
+    """Extracts the pages' console messages from the browser's log."""
     return re.findall(r":(?:INFO|WARNING|ERROR):CONSOLE[^\]]*\] (.*)", log)
 
 
@@ -153,7 +153,7 @@ def _run(arguments: Sequence[str], folder: Path) -> subprocess.CompletedProcess[
 
 
 def main() -> int:
-    """Draws or prints a page."""
+    """Renders an HTML page as PNG or prints it as PDF."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("page", type=Path)
     parser.add_argument("-o", "--output", type=Path, required=True, help="PNG or PDF file")

@@ -1,4 +1,4 @@
-"""Drives a real browser through the pages that a server serves, without a screen.
+"""Controls a real browser without a screen, to view pages that a server provides.
 
     tools/run python tools/live_browser.py URL -o PAGE.png [--width 390] [--dark] [--wait JS]
 
@@ -29,7 +29,7 @@ PATIENCE = 60.0
 
 
 class LiveBrowser:
-    """A browser and its pages; a context manager."""
+    """A running browser with its tabs, used as a context manager."""
 
     def __enter__(self) -> LiveBrowser:
         browser = find_browser()
@@ -64,7 +64,7 @@ class LiveBrowser:
         self._room.cleanup()
 
     def open(self, url: str, width: int = 1400, height: int = 1000, *, dark: bool = True) -> Page:
-        """Opens a page in a tab of its own."""
+        """Opens a web page in a new tab."""
         asked = urllib.request.Request(
             f"http://127.0.0.1:{self._port}/json/new?about:blank", method="PUT"
         )
@@ -85,7 +85,7 @@ class LiveBrowser:
 
 
 class Page:
-    """A tab.
+    """A browser tab with a web page.
 
     Attributes:
         complaints: errors that its console has shown.
@@ -97,7 +97,7 @@ class Page:
         self.complaints: list[str] = []
 
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Asks the browser for something; returns its answer."""
+        """Sends a command of the debugging protocol to the tab; returns the result."""
         self._number += 1
         asked = {"id": self._number, "method": method, "params": parameters}
         self._connection.send(json.dumps(asked))
@@ -111,7 +111,7 @@ class Page:
             self._note(answer)
 
     def value(self, script: str) -> Any:
-        """What an expression gives in the page; of a promise what it comes to."""
+        """Evaluates a JavaScript expression in the tab; waits for a promise's result."""
         answer = self.call(
             "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True
         )
@@ -120,7 +120,7 @@ class Page:
         return answer["result"].get("value")
 
     def wait_until(self, script: str, patience: float = PATIENCE) -> Any:
-        """Waits until an expression gives something true; returns that."""
+        """Waits until a JavaScript expression is true in the tab; returns its value."""
         deadline = time.monotonic() + patience
         while not (found := self.value(script)):
             if time.monotonic() > deadline:
@@ -129,7 +129,7 @@ class Page:
         return found
 
     def screenshot(self, target: Path) -> None:
-        """Draws what is seen as PNG."""
+        """Saves the tab's content as a PNG image."""
         shot = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=True)
         target.write_bytes(base64.b64decode(shot["data"]))
 
@@ -143,15 +143,15 @@ class Page:
 
 
 def main() -> int:
-    """Draws a page."""
+    """Opens a web page and saves it as a PNG image."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("url")
     parser.add_argument("-o", "--output", type=Path, required=True, help="PNG file")
     parser.add_argument("--width", type=int, default=1400)
     parser.add_argument("--height", type=int, default=1000)
     parser.add_argument("--dark", action="store_true")
-    parser.add_argument("--run", default="", help="script to run in the page first")
-    parser.add_argument("--wait", default="true", help="expression that must come true")
+    parser.add_argument("--run", default="", help="JavaScript to run in the page first")
+    parser.add_argument("--wait", default="true", help="JavaScript to wait for until true")
     given = parser.parse_args()
     with LiveBrowser() as browser:
         page = browser.open(given.url, given.width, given.height, dark=given.dark)

@@ -1,4 +1,4 @@
-"""Runs docs/examples/*.py cell by cell and writes each as a page with its output and pictures.
+"""Runs docs/examples/*.py cell by cell and writes them as pages with output and pictures.
 
     tools/run python tools/notebook_page.py
 
@@ -37,7 +37,7 @@ STYLE: dict[str, Any] = {
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """A part of a script.
+    """A cell of an example script: Python code or Markdown text.
 
     Attributes:
         text: Markdown, or Python.
@@ -50,7 +50,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """A script that was run.
+    """The documentation page of an example script, with its pictures.
 
     Attributes:
         text: of the page.
@@ -62,7 +62,7 @@ class Page:
 
 
 def cells_of(script: str) -> list[Cell]:
-    """The cells of a script in order; what stands before the first mark is none."""
+    """Splits an example script into cells; ignores text before the first cell mark."""
     cells: list[Cell] = []
     for part in ("\n" + script).split(f"\n{MARK}")[1:]:
         head, _, body = part.partition("\n")
@@ -75,7 +75,7 @@ def cells_of(script: str) -> list[Cell]:
 
 
 def run(script: Path) -> Page:
-    """Runs a script's cells in one namespace."""
+    """Runs all cells of an example script in one namespace and returns its page."""
     names: dict[str, Any] = {"__name__": "notebook"}
     blocks: list[str] = []
     images: dict[str, str] = {}
@@ -106,7 +106,7 @@ def _svg(number: int) -> str:
 
 
 def main() -> int:
-    """Writes every example's page."""
+    """Writes the documentation pages of all example scripts."""
     for script in sorted(EXAMPLES.glob("*.py")):
         page = run(script)
         (DOCS / f"{script.stem}.md").write_text(page.text, encoding="utf-8")

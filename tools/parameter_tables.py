@@ -1,4 +1,4 @@
-"""The nodes' parameters as tables of docs/interfaces.md."""
+"""Formats the parameters of all nodes as tables for docs/interfaces.md."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slosh_msgs_py.node.parameters import ParameterSpec
 
 
 def tables() -> str:
-    """A table per node, from its declarations."""
+    """Formats one Markdown table per node, from the declarations of its parameters."""
     parts = []
     for name, module in sorted(NODES.items()):
         specs = importlib.import_module(module).PARAMETERS
@@ -21,7 +21,7 @@ def tables() -> str:
 
 
 def line(spec: ParameterSpec) -> str:
-    """One parameter as a line of a Markdown table."""
+    """Formats one ROS parameter as a Markdown table row."""
     meaning = spec.description
     if spec.choices:
         meaning += f"; one of {', '.join(spec.choices)}"
@@ -33,5 +33,5 @@ def line(spec: ParameterSpec) -> str:
 
 
 def escaped(text: str) -> str:
-    """Without bars that would end a cell."""
+    """Escapes vertical bars, which would end a Markdown table cell."""
     return text.replace("|", "\\|")

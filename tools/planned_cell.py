@@ -1,4 +1,4 @@
-"""Planned motions in the simulated cell: predicted, estimated and measured peak side by side.
+"""Compares predicted, estimated and measured peaks of planned motions in the simulated cell.
 
     tools/run python tools/planned_cell.py [--motions l3 e3 c3 p2p] [--docs]
 
@@ -65,7 +65,7 @@ WATCHING = ("estimator", "camera", "monitor", "predictor")
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """A motion that was planned and played.
+    """A motion that was planned and then played in the simulated cell, with its heights.
 
     Attributes:
         name: of the path.
@@ -85,20 +85,20 @@ class Played:
 
 
 def waypoints(name: str) -> Array:
-    """(N, 3) of a path [m]."""
+    """Returns the waypoints (N, 3) of a named path [m]."""
     if name == "p2p":
         return np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0]])
     return make_motion(name).position
 
 
 def planned(name: str, time_limit: float = TIME_LIMIT) -> Plan:
-    """The plan of a path, with the shipped model."""
+    """Plans the fastest motion along a named path, with the shipped model."""
     model = read_model(str(config_folder() / "model.yaml"))
     return plan(model, path_through(waypoints(name)), LIMITS, time_limit=time_limit)
 
 
 def write_motion(path: Path, answer: Plan) -> None:
-    """The motion as the cell plays it: with rest before and after."""
+    """Writes a planned motion as a motion table, with rest before and after it."""
     before, after = (np.zeros((round(rest / STEP), 3)) for rest in (REST_BEFORE, REST_AFTER))
     acceleration = np.concatenate((before, answer.found.motion.acceleration, after))
     rows = np.column_stack((STEP * np.arange(len(acceleration)), acceleration))
@@ -106,7 +106,7 @@ def write_motion(path: Path, answer: Plan) -> None:
 
 
 class Watcher:
-    """Announces the motion when the cell has begun, and hears what is said of it."""
+    """Announces a motion when the simulated cell is ready, and stores messages about it."""
 
     def __init__(self, trajectory: MultiDOFJointTrajectory) -> None:
         self._trajectory = trajectory
@@ -145,7 +145,7 @@ class Watcher:
 
 
 def nodes_of(motion: Path, folder: Path, *, record: bool) -> Iterator[NodeProcess]:
-    """The processes of the cell; the last one plays."""
+    """Yields the processes of the simulated cell; the last one plays the motion."""
     config = config_folder()
     model, camera = str(config / "model.yaml"), str(config / "camera.yaml")
     limits = {"limit": str(LIMITS.height), "residual_limit": str(LIMITS.residual)}
@@ -167,7 +167,7 @@ def nodes_of(motion: Path, folder: Path, *, record: bool) -> Iterator[NodeProces
 
 
 def play(name: str, answer: Plan, folder: Path, domain: int, *, record: bool = False) -> Played:
-    """Plays a plan in the simulated cell.
+    """Plays a planned motion in the simulated cell and returns its heights.
 
     Args:
         name: of the path.
@@ -207,7 +207,7 @@ def play(name: str, answer: Plan, folder: Path, domain: int, *, record: bool = F
 
 
 def line(one: Played) -> str:
-    """A row of the table."""
+    """Formats one played motion as a Markdown table row."""
     prediction, outcome = one.prediction, one.outcome
     heights = (prediction.peak, outcome.estimated, outcome.measured, one.truth)
     cells = " | ".join(f"{1e3 * height:.1f}" for height in heights)
@@ -219,7 +219,7 @@ def line(one: Played) -> str:
 
 
 def table(rows: list[Played]) -> str:
-    """All rows."""
+    """Formats all played motions as a Markdown table."""
     lines = [
         "| path | planned [s] | law | announced before [s] | predicted [mm] | estimated [mm] | "
         "measured [mm] | truth [mm] | measured - predicted [mm] |",
@@ -230,7 +230,7 @@ def table(rows: list[Played]) -> str:
 
 @contextmanager
 def speaking() -> Iterator[int]:
-    """A DDS domain in which this process and the nodes are alone."""
+    """Reserves a DDS domain for this process and the cell's nodes only."""
     with own_domain() as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         os.environ.update(node_environment(domain))
@@ -238,7 +238,7 @@ def speaking() -> Iterator[int]:
 
 
 def main() -> int:
-    """Plans, plays and prints; 1 where a plan is not predicted to keep its limits."""
+    """Plans and plays motions, prints a table; returns 1 if a prediction exceeds its limits."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--motions", nargs="+", default=NAMES, choices=NAMES)
     parser.add_argument("--docs", action="store_true", help="write docs/plan.md")

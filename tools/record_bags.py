@@ -1,4 +1,4 @@
-"""Records the bags in bags/: the simulated cell with all its nodes, live.
+"""Records the example bags in bags/ with the simulated cell and all its nodes, live.
 
 Each run is real: DDS, camera, estimator, monitor and recorder as on a robot. State anew in the
 manifest what they must give with `slosh replay bags --write-manifest`, and look at the difference.
@@ -29,7 +29,7 @@ POLL = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """A bag to record.
+    """Settings for recording one bag: the motion, node parameters and a fault during it.
 
     Attributes:
         motion: that the cell plays.
@@ -45,7 +45,7 @@ class Recording:
 
 
 def silence_camera(nodes: NodeGroup, bag: Path) -> None:
-    """Stops the camera node for a second in the middle of the motion."""
+    """Stops the camera node for one second in the middle of the motion."""
     wait_for_bytes(bag, 250_000)
     os.kill(nodes.pid("camera"), signal.SIGSTOP)
     time.sleep(1.0)
@@ -53,7 +53,7 @@ def silence_camera(nodes: NodeGroup, bag: Path) -> None:
 
 
 def kill_recorder(nodes: NodeGroup, bag: Path) -> None:
-    """Ends the recorder without a word, and cuts off what it was writing."""
+    """Kills the recorder and truncates the bag file, to make a damaged bag."""
     wait_for_bytes(bag, 500_000)
     os.kill(nodes.pid("recorder"), signal.SIGKILL)
     (file,) = bag.glob("*.mcap")
@@ -61,7 +61,7 @@ def kill_recorder(nodes: NodeGroup, bag: Path) -> None:
 
 
 def wait_for_bytes(bag: Path, size: int) -> None:
-    """Waits until so many bytes of the bag are written."""
+    """Waits until a bag has a given size [bytes]."""
     while sum(file.stat().st_size for file in bag.glob("*.mcap")) < size:
         time.sleep(POLL)
 
@@ -75,7 +75,7 @@ RECORDINGS = {
 
 
 def record(name: str, recording: Recording, folder: Path) -> None:
-    """Records a bag into a folder that is replaced."""
+    """Records one bag; replaces an existing one."""
     shutil.rmtree(folder / name, ignore_errors=True)
     setup = default_setup()
     cell = NodeProcess(
@@ -108,9 +108,11 @@ def record(name: str, recording: Recording, folder: Path) -> None:
 
 
 def main() -> int:
-    """Records the bags that are named, or all."""
+    """Records the bags named on the command line, or all."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("names", nargs="*", choices=[[], *RECORDINGS], help="without any: all")
+    parser.add_argument(
+        "names", nargs="*", choices=[[], *RECORDINGS], help="bags to record (default: all)"
+    )
     parser.add_argument("-o", "--output", type=Path, default=BAGS)
     arguments = parser.parse_args()
     for name in arguments.names or RECORDINGS:

@@ -1,4 +1,4 @@
-"""Tables of results: CSV files that the pages show."""
+"""Stores result tables as CSV files that the documentation pages include."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _BAR = re.compile(r"(?<!\\)\|")
 
 
 def fill(page: Path, name: str, text: str) -> None:
-    """Puts a result between the lines `<!-- table NAME -->` and `<!-- end NAME -->` of a page.
+    """Replaces a page's text between `<!-- table NAME -->` and `<!-- end NAME -->` by a result.
 
     Args:
         page: the page.
@@ -35,7 +35,7 @@ def fill(page: Path, name: str, text: str) -> None:
 
 
 def with_files(page: Path, name: str, text: str) -> str:
-    """Writes each Markdown table of a text to a CSV file, and shows the file in its place.
+    """Moves each Markdown table of a text to a CSV file, and includes that file instead.
 
     Args:
         page: the page that shows the text.
@@ -63,7 +63,7 @@ def with_files(page: Path, name: str, text: str) -> str:
 
 
 def as_csv(lines: list[str]) -> str:
-    """The rows of a Markdown table as CSV."""
+    """Converts the rows of a Markdown table to CSV."""
     table = io.StringIO()
     writer = csv.writer(table, lineterminator="\n")
     for number, line in enumerate(lines):

@@ -1,4 +1,4 @@
-"""Images of a rectangular container seen from the side, traced ray by ray: the truth is exact.
+"""Renders side views of a rectangular container by ray tracing, with exact heights.
 
 The rays, their bending in the container's wall and the lens' distortion are computed here by
 other means than in slosh_camera, so that an error there does not hide itself.
@@ -28,7 +28,7 @@ SUPERSAMPLES = 2
 
 @dataclass(frozen=True)
 class Setup:
-    """Container and camera; lengths in metres, angles in radians."""
+    """Dimensions and pose of container and camera; lengths in metres, angles in radians."""
 
     width: float = 0.08
     depth: float = 0.04
@@ -47,7 +47,7 @@ class Setup:
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
     def pose(self) -> tuple[FloatArray, FloatArray]:
-        """Rotation and translation container -> camera."""
+        """Returns rotation and translation from the container's frame to the camera's."""
         away = np.array(
             [
                 np.sin(self.yaw) * np.cos(self.elevation),
@@ -64,12 +64,12 @@ class Setup:
         return rotation, -rotation @ centre
 
     def matrix(self) -> FloatArray:
-        """Camera matrix."""
+        """Returns the camera matrix K, (3, 3) [px]."""
         u, v = 0.5 * (self.columns - 1), 0.5 * (self.rows - 1)
         return np.array([[self.focal, 0.0, u], [0.0, self.focal, v], [0.0, 0.0, 1.0]])
 
     def calibration(self, region: RegionOfInterest | None = None) -> SideCalibration:
-        """The calibration that belongs to the images."""
+        """Returns the calibration of the side view that matches the images."""
         k = self.matrix()
         camera = PinholeCamera(
             self.columns, self.rows, k[0, 0], k[1, 1], k[0, 2], k[1, 2], self.distortion
@@ -87,32 +87,32 @@ class Setup:
 
 @dataclass(frozen=True)
 class Liquid:
-    """The free surface: z = level + slope x + modes' amplitudes at the left wall."""
+    """The free surface: z = level + slope x + modes, whose amplitudes are at the left wall."""
 
     level: float = 0.0
     slope: float = 0.0
     modes: tuple[float, ...] = ()
 
     def at(self, x: FloatArray, width: float) -> FloatArray:
-        """Heights at places."""
+        """Returns the surface heights [m] at positions x [m]."""
         z = self.level + self.slope * x
         for number, amplitude in enumerate(self.modes, start=1):
             z = z + amplitude * np.cos(number * np.pi * (x / width + 0.5))
         return np.asarray(z, dtype=np.float64)
 
     def angle(self, width: float) -> float:
-        """Angle of the least-squares line over the width [rad]."""
+        """Returns the angle of the surface's least-squares line over the width [rad]."""
         x = np.linspace(-0.5 * width, 0.5 * width, 2001)
         return float(np.arctan(np.polyfit(x, self.at(x, width), 1)[0]))
 
     def highest(self, width: float) -> float:
-        """Height of the highest point [m]."""
+        """Returns the height of the surface's highest point [m]."""
         return float(np.max(self.at(np.linspace(-0.5 * width, 0.5 * width, 2001), width)))
 
 
 @dataclass(frozen=True)
 class Patch:
-    """Something on the face between two corners (x, z) [m], or an ellipse inside of them."""
+    """A coloured rectangle or ellipse on the front face, between two corners (x, z) [m]."""
 
     low: tuple[float, float]
     high: tuple[float, float]
@@ -120,7 +120,7 @@ class Patch:
     round: bool = False
 
     def covers(self, x: FloatArray, z: FloatArray) -> NDArray[np.bool_]:
-        """Which places it covers."""
+        """Returns which positions (x, z) on the front face the patch covers."""
         u = (2.0 * x - self.low[0] - self.high[0]) / (self.high[0] - self.low[0])
         v = (2.0 * z - self.low[1] - self.high[1]) / (self.high[1] - self.low[1])
         inside = u**2 + v**2 <= 1.0 if self.round else (np.abs(u) <= 1.0) & (np.abs(v) <= 1.0)
@@ -129,7 +129,7 @@ class Patch:
 
 @dataclass(frozen=True)
 class Look:
-    """Grey levels, or blue-green-red colours, light and what the camera adds."""
+    """Grey levels or colours, illumination and camera noise of a rendered side view."""
 
     liquid: Grey = 60.0
     background: Grey = 190.0
@@ -146,7 +146,7 @@ class Look:
 
 
 def draw(setup: Setup, liquid: Liquid, look: Look = Look(), seed: int = 1) -> Image:
-    """The image: (rows, columns), or (rows, columns, 3) where the look has colours."""
+    """Renders the side view: (rows, columns), or (rows, columns, 3) for colours."""
     x, z, way = _places(setup)
     inside = (np.abs(x) <= 0.5 * setup.width) & (z >= -setup.fill_height)
     if setup.rim_height is not None:
@@ -173,12 +173,12 @@ def draw(setup: Setup, liquid: Liquid, look: Look = Look(), seed: int = 1) -> Im
 
 
 def still(setup: Setup, look: Look = Look()) -> Image:
-    """The same view of the liquid at rest, with another noise."""
+    """Renders the same side view with the liquid at rest and different noise."""
     return draw(setup, Liquid(), replace(look, motion=0), seed=999)
 
 
 def _part(above: FloatArray, size: FloatArray) -> FloatArray:
-    """Part of each sub-pixel below a line that lies so far above its middle."""
+    """Returns the fraction of each sub-pixel below a line, given its distance from the middle."""
     return np.clip(above / size + 0.5, 0.0, 1.0)
 
 
@@ -188,7 +188,7 @@ def _greys(look: Look) -> tuple[Grey, ...]:
 
 @lru_cache(maxsize=8)
 def _places(setup: Setup) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where each sub-pixel's ray meets the inner side of the face, x and z, and its slopes."""
+    """Returns where each sub-pixel's ray meets the inner front face (x, z), and its slopes."""
     at = (np.arange(SUPERSAMPLES * setup.columns) + 0.5) / SUPERSAMPLES - 0.5
     down = (np.arange(SUPERSAMPLES * setup.rows) + 0.5) / SUPERSAMPLES - 0.5
     u, v = np.meshgrid(at, down)
@@ -212,7 +212,7 @@ def _places(setup: Setup) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _undistorted(seen: FloatArray, distortion: tuple[float, ...]) -> FloatArray:
-    """Tangents of the rays (N, 2) by OpenCV's own fixed-point iteration, to its end."""
+    """Removes lens distortion from ray tangents (N, 2) by OpenCV's fixed-point iteration."""
     k1, k2, p1, p2, k3 = distortion
     flat = seen.copy()
     for _ in range(60 if any(distortion) else 0):

@@ -1,4 +1,4 @@
-"""Stands in for a camera and a robot where there is none at hand: for the first steps' pages.
+"""Replaces a camera and a robot in the first-steps tutorials, for users who have none.
 
     tools/run python tools/stand_in.py camera MODEL.yaml [-o DIR]
     tools/run python tools/stand_in.py robot MODEL.yaml MOTION.csv
@@ -51,11 +51,11 @@ MORE_DAMPING = 1.25
 
 
 class StandInError(ValueError):
-    """What is asked for cannot be; the text is one line."""
+    """Error of a request that cannot be fulfilled; the text is one line."""
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Draws or plays."""
+    """Draws camera images, or plays a motion over ROS 2, as the command line says."""
     parser = argparse.ArgumentParser(description="Stands in for a camera and a robot.")
     parts = parser.add_subparsers(required=True)
     camera = parts.add_parser("camera", help="pictures of a board and of the cup")
@@ -66,7 +66,7 @@ def main(words: Sequence[str] | None = None) -> int:
         run=lambda given: play_joints("robot: the motion is over")
     )
     for part in (camera, robot):
-        part.add_argument("model", type=Path, metavar="MODEL.yaml", help="of the cup")
+        part.add_argument("model", type=Path, metavar="MODEL.yaml", help="model of the cup")
     camera.add_argument(
         "-o", "--output", type=Path, default=Path(), metavar="DIR", help="default: here"
     )
@@ -81,7 +81,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def view_of(model: Model) -> CupView:
-    """The cup as the camera sees it: from -y, a little from above.
+    """Returns the camera's view of the model's cup: from -y and slightly above.
 
     Raises:
         StandInError: the container is not round.
@@ -100,7 +100,7 @@ def view_of(model: Model) -> CupView:
 
 
 def draw(view: CupView, folder: Path) -> None:
-    """Writes the pictures of the board and of the cup."""
+    """Writes simulated camera images of a calibration board and of the cup."""
     renderer = CupRenderer(view)
     write(folder / "pictures", board_pictures())
     write(folder, [renderer.render_colour(0.0, 0.0)], "still.png")
@@ -114,13 +114,13 @@ def draw(view: CupView, folder: Path) -> None:
 
 
 def board_pictures() -> list[Image]:
-    """The printed board in many poses, seen by the camera."""
+    """Renders the calibration board in many poses, as the camera sees it."""
     poses = [(*where[:4], FARTHER * where[4]) for where in (*POSES, *NEAR)]
     return chessboard_pictures(COLUMNS, ROWS, SQUARE, poses, CAMERA)
 
 
 def write(folder: Path, images: Sequence[Image], name: str = "image_{:03d}.png") -> None:
-    """Writes images into a folder, which is made where it is missing.
+    """Writes images to a folder, which is created if it does not exist.
 
     Raises:
         StandInError: one cannot be written.
@@ -133,7 +133,7 @@ def write(folder: Path, images: Sequence[Image], name: str = "image_{:03d}.png")
 
 
 def play(model: Model, motion: Path) -> None:
-    """Plays a motion to the cell that listens; returns when it is over.
+    """Plays a motion and its camera images to a running cell until the motion ends.
 
     Raises:
         StandInError: it was not played.

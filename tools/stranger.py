@@ -1,4 +1,4 @@
-"""Types a stranger's mistakes, and rates the answers: right, or one line with the remedy.
+"""Tests typical user mistakes: each must give the right result or one line with a remedy.
 
     tools/run python tools/stranger.py [--docs]
 
@@ -47,7 +47,7 @@ STAMP = 1_750_000_000
 
 
 class Mistake(NamedTuple):
-    """What is typed, and what the answer must hold.
+    """A wrong command line, and what the program's answer to it must contain.
 
     Attributes:
         kind: of what.
@@ -66,7 +66,7 @@ class Mistake(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What came: exit code, standard output, lines of standard error, and how long it took [s]."""
+    """Exit code, standard output, error lines and duration [s] of a command."""
 
     code: int
     output: str
@@ -75,7 +75,7 @@ class Answer(NamedTuple):
 
 
 def rated(mistake: Mistake, answer: Answer) -> str:
-    """`right`, `remedy`, or what is wrong."""
+    """Rates the answer to a mistake: `right`, `remedy`, or a text that says what is wrong."""
     said = "\n".join([*answer.errors, answer.output])
     if "Traceback" in said:
         return "wrong: a traceback"
@@ -93,7 +93,7 @@ def rated(mistake: Mistake, answer: Answer) -> str:
 
 
 def typed(words: str) -> Answer:
-    """Types a command line in this process."""
+    """Runs a `slosh` command line in this process and captures its output."""
     output, errors, begun = io.StringIO(), io.StringIO(), time.monotonic()
     with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
         try:
@@ -111,14 +111,14 @@ def typed(words: str) -> Answer:
 
 
 def table(heading: str, rows: np.ndarray, separator: str = ",", decimal: str = ".") -> str:
-    """A table's text."""
+    """Formats a motion table as text with given separators."""
     lines = [separator.join(heading.split(","))]
     lines += [separator.join(repr(float(x)).replace(".", decimal) for x in row) for row in rows]
     return "\n".join(lines) + "\n"
 
 
 def table_mistakes(folder: Path) -> Iterator[Mistake]:
-    """Writes each kind of table; what its simulation must answer."""
+    """Writes faulty motion tables, and yields for each what its simulation must answer."""
     rows = np.loadtxt(folder / "move.csv", delimiter=",", skiprows=1)
     plain = table(HEADING, rows)
     for name, (content, code, phrase) in tables(rows, plain).items():
@@ -130,7 +130,7 @@ def table_mistakes(folder: Path) -> Iterator[Mistake]:
 
 
 def tables(rows: np.ndarray, plain: str) -> Mapping[str, tuple[str | bytes | None, int, str]]:
-    """The kinds by name: content (None: no file), exit code, phrase."""
+    """Returns the faulty motion tables by name: content (or None), exit code, required phrase."""
     t, a = rows[:, :1], rows[:, 1:]
     short = rows[::20]
     lines = plain.splitlines(keepends=True)
@@ -217,7 +217,7 @@ MODELS: Mapping[str, tuple[Callable[[str], str], str]] = {
 
 
 def model_mistakes(folder: Path) -> Iterator[Mistake]:
-    """Writes each kind of model; what a simulation with it must answer."""
+    """Writes faulty model files, and yields for each what its simulation must answer."""
     right = (folder / "cup" / "model.yaml").read_text(encoding="utf-8")
     for number, (name, (wrong, phrase)) in enumerate(MODELS.items()):
         path = folder / f"model_{number}.yaml"
@@ -227,7 +227,7 @@ def model_mistakes(folder: Path) -> Iterator[Mistake]:
 
 
 def line_mistakes() -> Iterator[Mistake]:
-    """The command lines."""
+    """Yields the wrong command lines of the file stranger_mistakes.txt."""
     for line in MISTAKES.read_text(encoding="utf-8").splitlines():
         if not line.startswith("#"):
             words, _, phrase = line.partition(" => ")
@@ -237,7 +237,7 @@ def line_mistakes() -> Iterator[Mistake]:
 
 
 def prepare(folder: Path) -> list[Mistake]:
-    """Makes a stranger's folder; the mistakes that are made in it."""
+    """Creates a new user's folder with files, and returns the mistakes to make in it."""
     (folder / "bags").symlink_to(ROOT / "bags")
     for words in (
         "new cup --diameter 0.08 --fill-height 0.06 --rim-height 0.11",
@@ -251,7 +251,7 @@ def prepare(folder: Path) -> list[Mistake]:
 
 
 def page(rows: list[tuple[Mistake, Answer, str]]) -> str:
-    """The table of all mistakes."""
+    """Formats all mistakes with the answers to them as a documentation page."""
     kinds = list(dict.fromkeys(mistake.kind for mistake, _, _ in rows))
     lines = [
         "# Error messages", "",
@@ -286,7 +286,7 @@ def page(rows: list[tuple[Mistake, Answer, str]]) -> str:
 
 
 def _shown(mistake: Mistake, answer: Answer) -> str:
-    """The clauses of the answer that hold the phrase."""
+    """Returns the part of an answer that contains the required phrase."""
     said = [*answer.errors, *answer.output.splitlines()]
     for line in said:
         if found := re.search(mistake.phrase, line):
@@ -303,7 +303,7 @@ def _shown(mistake: Mistake, answer: Answer) -> str:
 
 
 def main() -> int:
-    """Types all of them; 1 where an answer is wrong."""
+    """Makes all mistakes and prints the ratings; returns 1 if an answer is wrong."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--docs", action="store_true", help=f"write {PAGE.name}")
     given = parser.parse_args()

@@ -1,4 +1,4 @@
-"""Types the commands of the first steps' pages in their order, with a stopwatch.
+"""Runs the commands of the first-steps tutorials in order and measures their time.
 
     python3 tools/tutorial.py [--home DIR]
 
@@ -31,11 +31,11 @@ NOT_INHERITED = (
 
 
 class TutorialError(Exception):
-    """A page does not do what it says; the text begins with page and line."""
+    """Error of a page whose commands fail; the text begins with page and line number."""
 
 
 class Typed(NamedTuple):
-    """A command that was typed: its page, the command and how long it took [s]."""
+    """A command that was run: its page, its text and its duration [s]."""
 
     page: str
     command: str
@@ -43,9 +43,11 @@ class Typed(NamedTuple):
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Types the pages; prints seconds for each command and each page."""
+    """Runs all tutorial pages; prints the duration of each command and each page."""
     parser = argparse.ArgumentParser(description="Types the first steps' commands.")
-    parser.add_argument("--home", type=Path, metavar="DIR", help="empty; default: a new one")
+    parser.add_argument(
+        "--home", type=Path, metavar="DIR", help="empty home folder (default: a new one)"
+    )
     given = parser.parse_args(words)
     with tempfile.TemporaryDirectory() as folder:
         try:
@@ -63,12 +65,12 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def path_of(page: str) -> Path:
-    """The page's file, from the repository's root."""
+    """Returns the path of a tutorial page, relative to the repository's root."""
     return Path("docs", "start", f"{page}.md")
 
 
 def environment(home: Path) -> dict[str, str]:
-    """That of a new terminal of somebody whose home is empty, but for what is cached."""
+    """Returns the environment of a new terminal with an empty home, except for caches."""
     cache = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     kept = {key: value for key, value in os.environ.items() if not key.startswith(NOT_INHERITED)}
     outside = [part for part in kept["PATH"].split(":") if not Path(part).is_relative_to(ROOT)]
@@ -76,7 +78,7 @@ def environment(home: Path) -> dict[str, str]:
 
 
 def type_page(shell: Shell, page: str) -> Iterator[Typed]:
-    """Types the commands of a page.
+    """Runs all commands of a tutorial page.
 
     Raises:
         TutorialError: a command fails, or does not print what the page shows.
@@ -94,7 +96,7 @@ def type_page(shell: Shell, page: str) -> Iterator[Typed]:
 
 
 def _type_block(shell: Shell, page: str, block: Block) -> Generator[Typed, None, str]:
-    """Types a block; gives all that was printed."""
+    """Runs the commands of one shell block; returns their combined output."""
     said = ""
     for command in block.commands:
         answer = shell.type(command.text, command.ctrl_c_after)

@@ -1,4 +1,4 @@
-"""Checks the types of packages, tests, tools and benchmarks, in one mypy run."""
+"""Checks the types of packages, tests, tools and benchmarks in one mypy run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TESTS = (
 
 
 def main() -> int:
-    """Runs mypy over all of it; returns its exit code."""
+    """Runs mypy on all Python code; returns its exit code."""
     roots = sorted(path.parent for path in ROOT.glob("src/*/setup.py"))
     packages = [str(root / root.name) for root in roots]
     # A script finds what lies beside it.

@@ -1,4 +1,4 @@
-"""Builds the wheels of all Python packages, for a machine or a CI without this checkout.
+"""Builds wheels of all Python packages, for machines and CI without this checkout.
 
     tools/run python tools/wheels.py [-o FOLDER]
 
@@ -29,7 +29,7 @@ FIRST_DAY = (1980, 1, 1, 0, 0, 0)
 
 
 def main() -> int:
-    """Builds them; prints the line that installs them."""
+    """Builds all wheels and prints the command that installs them."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "out" / "wheels")
     output: Path = parser.parse_args().output
@@ -46,7 +46,7 @@ def main() -> int:
 
 
 def built(package: Path, room: Path) -> Path:
-    """A package's wheel, built from a copy: setuptools writes beside what it builds."""
+    """Builds a package's wheel from a copy, since setuptools writes into its source folder."""
     copy = room / package.name
     shutil.copytree(package, copy, ignore=shutil.ignore_patterns("test", "__pycache__", "build"))
     command = [
@@ -65,7 +65,7 @@ def built(package: Path, room: Path) -> Path:
 
 
 def write_installable(wheel: Path, output: Path, brings_program: bool) -> None:
-    """Writes a wheel anew: without the nodes' programs, of which ROS takes care."""
+    """Copies a wheel without the programs of ROS nodes, which the workspace installs."""
     with zipfile.ZipFile(wheel) as source:
         names = [name for name in source.namelist() if not is_program(name)]
         record = next(name for name in names if name.endswith(".dist-info/RECORD"))
@@ -86,7 +86,7 @@ def write_installable(wheel: Path, output: Path, brings_program: bool) -> None:
 
 
 def is_program(name: str) -> bool:
-    """Whether a file of a wheel starts something."""
+    """Whether a file in a wheel is a program or registers one."""
     return re.search(r"\.dist-info/entry_points\.txt$|\.data/data/bin/", name) is not None
 
 

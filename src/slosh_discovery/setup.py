@@ -15,6 +15,7 @@ setup(
             "py.typed",
             "discovery_report/*.j2",
             "discovery_report/*.css",
+            "force_report/*.j2",
             "identification_report/*.j2",
             "identification_report/*.css",
         ]

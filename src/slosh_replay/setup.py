@@ -16,7 +16,10 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     install_requires=["setuptools", "numpy>=1.26", "scipy"],
-    extras_require={"notebook": ["matplotlib", "pandas"]},
+    extras_require={
+        "fleet": ["duckdb>=1.2", "fsspec", "pyarrow"],
+        "notebook": ["matplotlib", "pandas"],
+    },
     zip_safe=False,
     maintainer="Slosh Monitor maintainers",
     maintainer_email="slosh-monitor@users.noreply.github.com",

@@ -33,8 +33,13 @@ def test_a_paper_cup_is_replayed_bit_for_bit(tmp_path):
     )
     assert done.returncode == 0, done.stderr
     result = json.loads((tmp_path / "out" / "latest" / "result.json").read_text())
-    found = result["verifications"][0]
-    assert found["same"] == found["total"] > 1000
+    checks = {one["name"].split()[1].strip(","): one for one in result["verifications"]}
+    assert all(one["same"] == one["total"] for one in checks.values())
+    assert checks["estimates"]["total"] > 1000
+    # The simulated camera sees the cup.
+    assert checks["comparisons"]["total"] > 100
+    camera = next(one for one in result["agreements"] if one["name"] == "camera / truth")
+    assert camera["rms"] < 5e-4
     # The recording brings the modes along: its replay solves nothing.
     assert "natural_frequency: 21.49" in result["model_text"]
     assert result["nonlinear_name"] == "3D-L"

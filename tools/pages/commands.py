@@ -1,4 +1,4 @@
-"""The commands of a page: what its shell blocks tell to type, and what it shows for an answer."""
+"""Extracts from a documentation page its shell commands and the output that it shows."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _PART, _LEAST = 1 / 3, 0.3
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A line that is typed.
+    """A shell command on a documentation page, with its line number.
 
     Attributes:
         text: the line, with those that continue it.
@@ -35,14 +35,14 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Commands that stand together, and the lines that the page shows for their answer."""
+    """Consecutive shell commands, and the lines that the page shows as their output."""
 
     commands: tuple[Command, ...]
     shown: tuple[str, ...] = ()
 
 
 def blocks_of(page: Path) -> list[Block]:
-    """The page's `sh` blocks in order, each with the block without a language that follows it."""
+    """Returns a page's shell blocks in order, each with the output block that follows it."""
     blocks: list[Block] = []
     text = page.read_text(encoding="utf-8")
     for fence in _FENCE.finditer(text):
@@ -55,7 +55,7 @@ def blocks_of(page: Path) -> list[Block]:
 
 
 def _commands(body: str, first: int) -> Iterator[Command]:
-    """Lines that are typed: no empty ones, no remarks; a backslash goes on in the next line."""
+    """Yields a block's commands without comments; a backslash continues a line."""
     kept, start = "", first
     for number, line in enumerate(body.splitlines(), first):
         start = start if kept else number
@@ -69,12 +69,12 @@ def _commands(body: str, first: int) -> Iterator[Command]:
 
 
 def words_of(command: str) -> list[str]:
-    """The command's words as a shell takes them, without remarks after two spaces or a #."""
+    """Splits a command into words as a shell does, without comments after two spaces or a #."""
     return shlex.split(re.split(r"\s{2,}", command)[0], comments=True)
 
 
 def not_said(shown: tuple[str, ...], said: str) -> list[str]:
-    """Lines that a page shows and that were not printed.
+    """Returns the lines of output that a page shows but that were not printed.
 
     Numbers may differ by a third or by 0.3; `…` in a shown line stands for anything.
     """
@@ -101,7 +101,7 @@ def _alike(shown: str, said: str) -> bool:
 
 
 def command_lines(page: Path) -> Iterator[Command]:
-    """Every line of a page that is a command, in fenced blocks and in indented ones.
+    """Yields all of this project's commands on a page, in fenced and in indented blocks.
 
     Commands are those of this project: `slosh`, `make`, `tools/run`, and `cd`. What stands before
     a colon, as in `slosh cell: stopped`, is an answer.

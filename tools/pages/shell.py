@@ -1,4 +1,4 @@
-"""A shell that commands are typed into, with a look at the clock."""
+"""Runs commands in a shell and measures their time."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _MARK = "\x1e"
 
 
 class ShellError(Exception):
-    """A command did not end; the text is one line and what it had printed."""
+    """Error of a command that did not end; the text includes what it had printed."""
 
 
 class Answer(NamedTuple):
-    """Exit code, what was printed to both streams, and how long it took [s]."""
+    """Exit code, combined output and duration [s] of a command."""
 
     code: int
     said: str
@@ -30,7 +30,7 @@ class Answer(NamedTuple):
 
 
 class Shell:
-    """A bash in a session of its own; a context manager. Folder and variables last.
+    """A bash process in its own session, used as a context manager; it keeps folder and variables.
 
     Args:
         folder: in which it starts.
@@ -70,7 +70,7 @@ class Shell:
         self._bash.wait()
 
     def type(self, command: str, ctrl_c_after: str = "") -> Answer:
-        """Runs a command to its end.
+        """Runs a command in the shell until it ends.
 
         Args:
             command: as one would type it; there is nobody to answer its questions.

@@ -1,4 +1,4 @@
-"""Seeded cases: motions, measured heights and what is hidden in them.
+"""Creates synthetic test cases with hidden effects, by which discoveries are scored.
 
 case = make_case("single", index=3, seed=1)
 finding = discover(case.motions, case.base, case.holdout)
@@ -48,7 +48,7 @@ NAMED_AS = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Case:
-    """What a workflow is asked, and the answer.
+    """A test case of the discovery: measured motions, base model, and the hidden effects.
 
     Attributes:
         name: kind, seed and index; the same name is always the same case.
@@ -84,19 +84,19 @@ class Case:
 
     @property
     def base_name(self) -> str:
-        """2D-L, 3D-L, 2D-NL or 3D-NL."""
+        """Name of the base model: 2D-L, 3D-L, 2D-NL or 3D-NL."""
         space = "3D" if self.base.has("vertical_acceleration") else "2D"
         return f"{space}-{'NL' if self.base.has('surface_nonlinearity') else 'L'}"
 
     @property
     def counts(self) -> bool:
-        """Whether everything hidden changes the heights by more than 3 noises."""
+        """Whether each hidden effect changes the heights by more than 3 noise deviations."""
         return all(self.strength[name] > VISIBLE for name in self.hidden)
 
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """What a case is going to be."""
+    """Contents of a test case before its motions are made: models, hidden effects, needs."""
 
     base: Truth
     truth: Truth
@@ -109,7 +109,7 @@ class _Plan:
 def make_case(
     kind: str, index: int, seed: int = 0, effect: str | None = None, dirt: Dirt | None = None
 ) -> Case:
-    """The case of this kind, index and seed; with an effect's name, one that hides it.
+    """Creates the test case of a kind, index and seed, with a given or a random hidden effect.
 
     With dirt it is the same case, but for what its sensor and its inputs do.
 
@@ -142,7 +142,7 @@ def make_case(
 
 
 def case_name(kind: str, index: int, seed: int, effect: str | None, dirt: Dirt | None) -> str:
-    """By which a case is known."""
+    """Returns the unique name of a test case."""
     words = [
         kind,
         str(seed),
@@ -154,7 +154,7 @@ def case_name(kind: str, index: int, seed: int, effect: str | None, dirt: Dirt |
 
 
 def hidden_names(random: Random, kind: str, index: int, effect: str | None) -> tuple[str, ...]:
-    """What is hidden: every effect in its turn."""
+    """Returns the names of a case's hidden effects; every effect is used in turn."""
     listed = list(LISTED)
     if kind == "none":
         return ()
@@ -219,7 +219,7 @@ def _attempt(
 
 
 def _noise(random: Random, changes: list[float]) -> float:
-    """From 0.1 to 1 mm, likelier small; again where it would hide an effect that can be seen."""
+    """Draws a height noise from 0.1 to 1 mm that does not hide a visible effect."""
     noise = float(np.exp(random.uniform(*np.log(NOISE))))
     most = min(changes, default=np.inf) / VISIBLE
     if NOISE[0] < most < noise:
@@ -228,13 +228,13 @@ def _noise(random: Random, changes: list[float]) -> float:
 
 
 def _sane(truth: Truth, motion: Inputs) -> bool:
-    """Whether the liquid stays in the cup and in one piece."""
+    """Whether the simulated wave stays finite and below a share of the cup's radius."""
     height = float(np.max(simulate(truth, motion).msh))
     return bool(np.isfinite(height) and height < LARGEST_SHARE * truth.radius)
 
 
 def _lacking(plan: _Plan) -> dict[str, Truth]:
-    """By name: the truth without it, everything else as it is; the wrong parameter too."""
+    """Returns, by hidden effect, the true liquid without this effect."""
     without = {name: plan.truth.without(name) for name in plan.hidden}
     if plan.wrong is not None:
         without[plan.wrong[0]] = _with_parameter(plan.truth, plan.wrong[0], plan.wrong[1])
@@ -250,7 +250,7 @@ def _equivalent(plan: _Plan) -> tuple[frozenset[str], ...]:
 
 
 def _plan(random: Random, kind: str, names: tuple[str, ...]) -> _Plan | None:
-    """A base, what it lacks, and what the motions need; None where these exclude each other."""
+    """Draws base model, hidden effects and needs of the motions; None if they conflict."""
     traits = tuple({**LISTED, **OUTSIDE}[name] for name in names)
     base = _base(random, traits)
     need = _need(random, traits, base, names)
@@ -288,7 +288,7 @@ def _base(random: Random, traits: tuple[Hidden, ...]) -> Truth:
 def _need(
     random: Random, traits: tuple[Hidden, ...], base: Truth, names: tuple[str, ...]
 ) -> Need | None:
-    """What all ask for together, and some motion that nothing asks for."""
+    """Combines what the hidden effects need of the motions; None if that conflicts."""
     needs = [trait.need for trait in traits]
     upright = any(trait.upright for trait in traits)
     yaw, tilt = (any(getattr(need, name) for need in needs) for name in ("yaw", "tilt"))
@@ -308,7 +308,7 @@ def _need(
 
 
 def _wrong(random: Random, base: Truth, names: tuple[str, ...]) -> tuple[str, float, float] | None:
-    """A parameter of the base, its wrong value and the right one."""
+    """Draws a parameter of the base model that is wrong: name, wrong and right value."""
     which = str(random.choice(WRONG))
     if NAMED_AS[which] in names:
         return None

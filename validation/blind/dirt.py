@@ -1,4 +1,4 @@
-"""What a real sensor does to heights, and a robot's bus to inputs: the dirty cases.
+"""Adds realistic sensor and input errors to the synthetic test cases of the discovery.
 
 A dirty case is the clean one of its name, motion by motion, with other errors of the same size.
 """
@@ -21,7 +21,7 @@ Random = np.random.Generator
 
 @dataclass(frozen=True, slots=True)
 class Dirt:
-    """How heights and inputs err.
+    """Errors of measured heights and inputs: correlated noise, outliers, losses, jitter.
 
     Attributes:
         correlation: of neighbouring samples' noise.
@@ -50,11 +50,11 @@ class Dirt:
     tag: str = "dirty"
 
     def late(self, random: Random, count: int) -> Array:
-        """(M,) by how much stamps are later than their frames [s]."""
+        """Draws by how much stamps (M,) are later than their images [s]."""
         return random.uniform(-self.jitter, self.jitter, count)
 
     def errors(self, random: Random, shape: tuple[int, int], noise: float) -> Array:
-        """(M, K) noise of that standard deviation that remembers, and outliers [m]."""
+        """Draws autocorrelated noise of given standard deviation, with outliers, (M, K) [m]."""
         fresh = random.normal(0.0, noise, shape)
         fresh[1:] *= np.sqrt(1.0 - self.correlation**2)
         errors = np.asarray(lfilter([1.0], [1.0, -self.correlation], fresh, axis=0))
@@ -63,7 +63,7 @@ class Dirt:
         return errors
 
     def missing(self, random: Random, count: int) -> NDArray[np.bool_]:
-        """(M,) which frames are missing: bursts begin at random and end at random."""
+        """Draws which images (M,) are missing, in bursts of random length."""
         gone = np.zeros(count, dtype=np.bool_)
         start = self.lost / ((1.0 - self.lost) * self.burst)
         here = bool(random.random() < self.lost)
@@ -73,7 +73,7 @@ class Dirt:
         return gone
 
     def sampled(self, random: Random, inputs: Inputs) -> Inputs:
-        """The inputs at another rate, nothing averaged, with the errors of an accelerometer."""
+        """Returns the inputs at another rate, with the errors of an accelerometer."""
         count = int((inputs.t[-1] - inputs.t[0]) * self.input_rate)
         t = inputs.t[0] + np.arange(count + 1) / self.input_rate
 
@@ -103,7 +103,7 @@ QUANTA = (0.0, 0.0, 0.0, 0.01, 0.04)
 
 
 def noisy_inputs(index: int) -> Dirt:
-    """An accelerometer with noise; all else is clean. Neighbouring cases differ in everything.
+    """Returns errors of an accelerometer only; they differ between neighbouring cases.
 
     Cases that hide the same effect, one list apart, have another noise, too.
     """

@@ -1,4 +1,4 @@
-"""From a motion table to what acts on the liquid at any instant."""
+"""Computes from a motion table what acts on the simulated liquid at any time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Curve = Callable[[Array], Array]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Attitude:
-    """How the container turns.
+    """Attitude, heading, angular velocity and acceleration of the container over time.
 
     Attributes:
         rotation: (T, 3, 3) world <- container at times (T,).
@@ -35,7 +35,7 @@ class Attitude:
 
 
 def attitude_at(inputs: Inputs, times: Array) -> Attitude:
-    """The table's attitude between its samples, by cubic splines.
+    """Interpolates a motion table's attitude at times by cubic splines.
 
     The heading is the integral of the rate about the container's own axis: a liquid without
     friction in a round cup does not notice that rotation, however the axis moves meanwhile.
@@ -69,13 +69,13 @@ def _from_rates(inputs: Inputs, times: Array) -> Attitude:
 
 
 def _about_z(angle: Array) -> Array:
-    """(T, 3, 3) rotations about z."""
+    """Returns rotation matrices (T, 3, 3) about z for angles (T,) [rad]."""
     zero = np.zeros_like(angle)
     return np.asarray(Rotation.from_rotvec(np.stack([zero, zero, angle], axis=-1)).as_matrix())
 
 
 def _continuous(quaternions: Array) -> Array:
-    """Unit quaternions whose signs do not jump."""
+    """Returns unit quaternions with signs chosen so that consecutive ones do not jump."""
     unit = quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
     flips = np.sum(unit[1:] * unit[:-1], axis=1) < 0.0
     signs = np.concatenate(([1.0], np.cumprod(np.where(flips, -1.0, 1.0))))
@@ -83,7 +83,7 @@ def _continuous(quaternions: Array) -> Array:
 
 
 def _table_rates(inputs: Inputs, aligned: Array) -> Array:
-    """(N, 3) angular velocity: as given, or the attitude's 2 q* q̇."""
+    """Returns angular velocities (N, 3) [rad/s]: as given, or derived from the attitude."""
     if inputs.angular_velocity is not None:
         return inputs.angular_velocity
     slope = CubicSpline(inputs.t, aligned)(inputs.t, 1)
@@ -94,7 +94,7 @@ def _table_rates(inputs: Inputs, aligned: Array) -> Array:
 
 
 def nodes_at(truth: Truth, inputs: Inputs, times: Array, session_time: float) -> Array:
-    """(T, NODE_WIDTH) inputs and coefficients at times (T,)."""
+    """Returns inputs and coefficients (T, NODE_WIDTH) of the equations of motion at times."""
     nodes = np.zeros((len(times), gauss.NODE_WIDTH))
     attitude = attitude_at(inputs, times)
     command = CubicSpline(inputs.t, inputs.acceleration)(times)
@@ -111,7 +111,7 @@ def nodes_at(truth: Truth, inputs: Inputs, times: Array, session_time: float) ->
 
 
 def _lever(truth: Truth, attitude: Attitude) -> Array:
-    """(T, 3) acceleration of the container relative to the point that the table gives, world."""
+    """Returns the acceleration (T, 3) [m/s²] that a lever arm adds, in world axes."""
     arm = np.array([truth.value("lever_arm", axis, 0.0) for axis in "xyz"])
     swing = np.cross(attitude.rate, np.cross(attitude.rate, arm))
     local = np.cross(attitude.angular_acceleration, arm) + swing
@@ -119,7 +119,7 @@ def _lever(truth: Truth, attitude: Attitude) -> Array:
 
 
 def _frame(truth: Truth, attitude: Attitude) -> Array:
-    """(T, 3, 3) the axes that the liquid feels, as columns in the world's."""
+    """Returns the axes (T, 3, 3) in which the liquid moves, as columns in world axes."""
     count = len(attitude.heading)
     frame = np.broadcast_to(np.eye(3), (count, 3, 3))
     back = _about_z(-attitude.heading)
@@ -133,13 +133,13 @@ def _frame(truth: Truth, attitude: Attitude) -> Array:
 
 
 def depth_at(truth: Truth, elapsed: Array) -> Array:
-    """(T,) depth of the still liquid at times since the motion's start [m]."""
+    """Returns the depth (T,) of the still liquid [m] at times since the motion's start."""
     start = truth.fill_height + truth.value("fill_level", "delta", 0.0)
     return np.asarray(start - truth.value("fill_loss", "rate", 0.0) * elapsed)
 
 
 def _coefficients(truth: Truth, elapsed: Array, session_time: float) -> Array:
-    """(T, 6) ω², 2ζω, c of both modes."""
+    """Returns ω², 2ζω and c = ω²/g of both modes, (T, 6)."""
     depth = depth_at(truth, elapsed)
     squared = theory.frequency_squared(truth.radius, depth)
     if truth.damping_ratio is None:

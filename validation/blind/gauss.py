@@ -1,4 +1,4 @@
-"""The equations of motion in momenta, integrated by the Gauss-Legendre method of order six.
+"""Integrates the liquid's equations of motion by the Gauss-Legendre method of order six.
 
 With c = ωₙ²/g the mass on its paraboloid has T = |q̇|²/2 + c² (q·q̇)²/2 per unit mass, the momentum
 p = q̇ + c² (q·q̇) q, and the Lagrange equations of DL22 (eqs. (7)-(10), (13)) become
@@ -56,7 +56,7 @@ TOLERANCE = 1e-13
 def mode_slope(
     q: Array, node: Array, mode: int, const: Array, ax: float, ay: float, az: float, out: Array
 ) -> None:
-    """Slopes of one mode's x, y, px, py; writes them to out from 4 · mode on."""
+    """Computes the time derivatives of one mode's position and momentum; writes them to `out`."""
     first = 4 * mode
     x, y, px, py = q[first], q[first + 1], q[first + 2], q[first + 3]
     column = MODE + PER_MODE * mode
@@ -92,7 +92,7 @@ def mode_slope(
 
 @compiled
 def slope(q: Array, node: Array, const: Array, out: Array) -> None:
-    """Slopes of the whole state."""
+    """Computes the time derivative of the complete state; writes it to `out`."""
     a = np.empty(3)
     servo = const[SERVO]
     for k in range(3):
@@ -121,7 +121,7 @@ def slope(q: Array, node: Array, const: Array, out: Array) -> None:
 
 @entry_point(float64[:, ::1](GIVEN_2, GIVEN_2, GIVEN_1))
 def slopes_of(states: Array, nodes: Array, const: Array) -> Array:
-    """(N, 14) slopes of N states, each with its node (N, NODE_WIDTH)."""
+    """Returns the time derivatives (N, 14) of N states, each with its own inputs."""
     slopes = np.zeros(states.shape)
     for i in range(len(states)):
         slope(states[i], nodes[i], const, slopes[i])
@@ -130,7 +130,7 @@ def slopes_of(states: Array, nodes: Array, const: Array) -> Array:
 
 @entry_point(float64[:, ::1](GIVEN_1, GIVEN_1, GIVEN_3, GIVEN_1))
 def integrate(start: Array, steps: Array, nodes: Array, const: Array) -> Array:
-    """(S + 1, 14) states at the ends of S steps.
+    """Returns the states (S + 1, 14) at the start and at the ends of S time steps.
 
     Args:
         start: (14,) state.

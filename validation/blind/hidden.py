@@ -1,4 +1,4 @@
-"""Which effects can be hidden, in which range, and what the motions and base must have for it."""
+"""Effects that a test case may hide: parameter ranges, and needs of motions and base model."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ Draw = Callable[[Random, Truth], dict[str, float]]
 
 
 def sign(random: Random) -> float:
-    """Minus or plus one."""
+    """Draws -1 or +1."""
     return float(random.choice([-1.0, 1.0]))
 
 
 def uniform(**ranges: tuple[float, float]) -> Draw:
-    """Every parameter evenly in its range."""
+    """Returns a function that draws each parameter uniformly from its range."""
     return lambda random, _: {name: random.uniform(*pair) for name, pair in ranges.items()}
 
 
 def logarithmic(**ranges: tuple[float, float]) -> Draw:
-    """Every parameter evenly in its logarithm."""
+    """Returns a function that draws each parameter log-uniformly from its range."""
     return lambda random, _: {
         name: float(np.exp(random.uniform(*np.log(pair)))) for name, pair in ranges.items()
     }
 
 
 def either_side(centre: float, low: float, high: float, name: str) -> Draw:
-    """Away from the neutral value by low to high, to either side."""
+    """Returns a function that draws a parameter at a distance from its neutral value."""
 
     def draw(random: Random, _: Truth) -> dict[str, float]:
         return {name: centre + sign(random) * random.uniform(low, high)}
@@ -70,7 +70,7 @@ def _cubic(random: Random, _: Truth) -> dict[str, float]:
 
 
 def changing(least: float, most: float, settled: float) -> Draw:
-    """A size that grows or falls by a factor within that range, in each motion or all along.
+    """Returns a function that draws the parameters of an effect that grows or falls with time.
 
     Args:
         least, most: the factor from the first to the last, or its inverse.
@@ -94,7 +94,7 @@ MOTION, SESSION = 5.0, 120.0
 
 @dataclass(frozen=True, slots=True)
 class Hidden:
-    """An effect that a case can hide.
+    """An effect that a test case can hide, with its parameter range and its needs.
 
     Attributes:
         draw: its parameters.

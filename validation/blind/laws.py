@@ -1,4 +1,4 @@
-"""Motion laws of a robot: from 0 to 1 in one stroke, at rest at both ends, in closed form."""
+"""Time laws of a robot's stroke from 0 to 1, at rest at both ends, in closed form."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ RAMP = 0.12  # share of the stroke in which the trapezoid's acceleration rises
 
 
 def quintic(stage: Array) -> tuple[Array, Array, Array]:
-    """10 s³ - 15 s⁴ + 6 s⁵: acceleration without jumps."""
+    """Evaluates 10 s³ − 15 s⁴ + 6 s⁵ and its derivatives; the acceleration is continuous."""
     s = stage
     place = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
     speed = 30.0 * s**2 * (1.0 - s) ** 2
@@ -24,13 +24,13 @@ def quintic(stage: Array) -> tuple[Array, Array, Array]:
 
 
 def cycloid(stage: Array) -> tuple[Array, Array, Array]:
-    """One period of a sine as acceleration."""
+    """Evaluates the law whose acceleration is one period of a sine, and its derivatives."""
     turn = 2.0 * np.pi * stage
     return stage - np.sin(turn) / (2.0 * np.pi), 1.0 - np.cos(turn), 2.0 * np.pi * np.sin(turn)
 
 
 def trapezoid(stage: Array) -> tuple[Array, Array, Array]:
-    """Speed up, cruise, slow down; the acceleration is a trapezoid in both.
+    """Evaluates a law with trapezoidal acceleration and deceleration, and its derivatives.
 
     Piecewise cubic: the sum of ramps of the acceleration, integrated twice.
     """
@@ -49,7 +49,7 @@ LAWS: tuple[Law, ...] = (quintic, cycloid, trapezoid)
 
 
 def window(stage: Array, rise: float) -> tuple[Array, Array, Array]:
-    """From 0 up to 1 in the share `rise` of the time, and down again at the end."""
+    """Evaluates a window that rises from 0 to 1 and falls again, and its derivatives."""
     total = [np.zeros_like(stage) for _ in range(3)]
     for sign, start in ((1.0, 0.0), (-1.0, 1.0 - rise)):
         part = np.clip((stage - start) / rise, 0.0, 1.0)
@@ -59,7 +59,7 @@ def window(stage: Array, rise: float) -> tuple[Array, Array, Array]:
 
 
 def stroke(t: Array, start: float, duration: float, law: Law) -> tuple[Array, Array, Array]:
-    """A law from start on for a duration [s]: place, speed [1/s], acceleration [1/s²]."""
+    """Returns position, speed [1/s] and acceleration [1/s²] of a law with start and duration."""
     stage = np.clip((t - start) / duration, 0.0, 1.0)
     inside = (t > start) & (t < start + duration)
     place, speed, acceleration = law(stage)

@@ -1,4 +1,4 @@
-"""Motions as a robot makes them: at rest, a path, a dwell; with a lift or a turn where asked."""
+"""Draws random robot motions: rest, a path and rest, if needed with lift or rotation."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ATTEMPTS = 60
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """What a motion must have beside its path.
+    """What a motion must contain to show a hidden effect, such as rotation or a long rest.
 
     Attributes:
         vertical: a vertical part.
@@ -44,7 +44,7 @@ class Need:
 
 
 def robot_motion(random: Random, truth: Truth, need: Need) -> Inputs:
-    """A motion to which this liquid answers by 5 to 30 mm.
+    """Draws a random motion in which the liquid rises by 5 to 30 mm.
 
     Raises:
         RuntimeError: none found.
@@ -82,7 +82,7 @@ def _draw(random: Random, truth: Truth, need: Need) -> tuple[Inputs, Span]:
 
 
 def _vertical(random: Random, t: Array, span: Span, own: float) -> Array:
-    """(N,) vertical acceleration of 1 to 5 m/s²: a lift or a bounce."""
+    """Draws a vertical acceleration (N,) of 1 to 5 m/s²: a lift or an oscillation."""
     size = random.uniform(1.0, 5.0)
     if random.random() < 0.4:
         law, part = any_law(random), random.uniform(0.25, 0.5) * span.duration
@@ -99,7 +99,7 @@ def _vertical(random: Random, t: Array, span: Span, own: float) -> Array:
 def _attitude(
     random: Random, t: Array, span: Span, need: Need
 ) -> tuple[Array | None, Array | None]:
-    """Attitude and rates: the tool leans to one side of the world and turns about its axis."""
+    """Draws attitude and angular velocity of a tool that tilts to one side and yaws."""
     if not (need.yaw or need.tilt):
         return None, None
     yaw, yaw_rate = _turning(random, t, span, random.uniform(0.4, 2.5) * need.yaw)
@@ -119,7 +119,7 @@ def _attitude(
 
 
 def _turning(random: Random, t: Array, span: Span, size: float) -> tuple[Array, Array]:
-    """(N,) an angle and its rate: there and perhaps back, or a burst."""
+    """Draws an angle (N,) over time and its rate: there and perhaps back, or an oscillation."""
     if size == 0.0:
         return np.zeros_like(t), np.zeros_like(t)
     law, size = any_law(random), size * random.choice([-1.0, 1.0])
@@ -135,7 +135,7 @@ def _turning(random: Random, t: Array, span: Span, size: float) -> tuple[Array, 
 
 
 def _scaled(random: Random, truth: Truth, inputs: Inputs, moving: Span) -> Inputs | None:
-    """The motion so large that the liquid rises by 5 to 30 mm; None where that cannot be."""
+    """Scales a motion so that the liquid rises by 5 to 30 mm; None if that is impossible."""
     ceiling = min(MOST_HEIGHT, MOST_SHARE * truth.radius)
     wanted = random.uniform(LEAST_HEIGHT, ceiling)
     for _ in range(4):
@@ -149,12 +149,12 @@ def _scaled(random: Random, truth: Truth, inputs: Inputs, moving: Span) -> Input
 
 
 def _larger(inputs: Inputs, factor: float) -> Inputs:
-    """The horizontal part larger by a factor."""
+    """Returns the motion with its horizontal acceleration multiplied by a factor."""
     acceleration = inputs.acceleration * np.array([factor, factor, 1.0])
     return replace(inputs, acceleration=acceleration)
 
 
 def acceptable(inputs: Inputs) -> bool:
-    """Whether the horizontal acceleration peaks within what such robots do."""
+    """Whether the peak horizontal acceleration is in the range of usual robots."""
     peak = float(np.hypot(inputs.acceleration[:, 0], inputs.acceleration[:, 1]).max())
     return LEAST_ACCELERATION <= peak <= MOST_ACCELERATION

@@ -1,4 +1,4 @@
-"""What a robot does with a cup: shapes of acceleration whose size is chosen later."""
+"""Draws horizontal accelerations of robot motions along various paths, unscaled."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Random = np.random.Generator
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """When a robot moves.
+    """Start and duration of a robot motion [s], and the frequency of its content [Hz].
 
     Attributes:
         start, duration: of the motion [s].
@@ -33,19 +33,19 @@ Shape = Callable[[Random, Array, Span], Array]
 
 
 def any_law(random: Random) -> Law:
-    """One of the motion laws."""
+    """Draws one of the time laws."""
     return LAWS[random.integers(len(LAWS))]
 
 
 def line(random: Random, t: Array, span: Span) -> Array:
-    """To and fro along a line, with pauses in a share."""
+    """Draws accelerations (N, 2) of strokes to and fro along a line, sometimes with pauses."""
     angle = random.choice([0.0, 0.5 * np.pi, random.uniform(0, np.pi)])
     along = _strokes(random, t, span, any_law(random))
     return np.outer(along, [np.cos(angle), np.sin(angle)])
 
 
 def corner(random: Random, t: Array, span: Span) -> Array:
-    """Moves from place to place, each in its own direction."""
+    """Draws accelerations (N, 2) of successive moves in different directions."""
     law = any_law(random)
     total = np.zeros((len(t), 2))
     start, end = span.start, span.start + span.duration
@@ -60,7 +60,7 @@ def corner(random: Random, t: Array, span: Span) -> Array:
 
 
 def _strokes(random: Random, t: Array, span: Span, law: Law) -> Array:
-    """(N,) acceleration of equal strokes to and fro."""
+    """Draws the acceleration (N,) of equal strokes to and fro."""
     pause = random.choice([0.0, random.uniform(0.05, 0.3)])
     duration = random.uniform(0.7, 1.2) / span.frequency
     total = np.zeros_like(t)
@@ -73,7 +73,7 @@ def _strokes(random: Random, t: Array, span: Span, law: Law) -> Array:
 
 
 def circle(random: Random, t: Array, span: Span) -> Array:
-    """Whole turns on a circle, from rest to rest."""
+    """Draws accelerations (N, 2) of whole turns on a circle, from rest to rest."""
     theta, rate, change = _turns(random, t, span)
     sense = random.choice([-1.0, 1.0])
     offset = random.uniform(0, 2.0 * np.pi)
@@ -84,7 +84,7 @@ def circle(random: Random, t: Array, span: Span) -> Array:
 
 
 def eight(random: Random, t: Array, span: Span) -> Array:
-    """Whole turns on an eight twice as long as wide."""
+    """Draws accelerations (N, 2) of whole turns on a figure eight, from rest to rest."""
     slow = Span(span.start, span.duration, 0.7 * span.frequency)
     theta, rate, change = _turns(random, t, slow)
     ratio = random.uniform(0.3, 0.8)
@@ -94,7 +94,7 @@ def eight(random: Random, t: Array, span: Span) -> Array:
 
 
 def _turns(random: Random, t: Array, span: Span) -> tuple[Array, Array, Array]:
-    """Angle along a closed path and its derivatives: whole turns."""
+    """Draws the angle along a closed path, with its first two time derivatives."""
     law = any_law(random)
     count = max(1, round(span.frequency * span.duration * random.uniform(0.5, 0.8)))
     place, speed, acceleration = stroke(t, span.start, span.duration, law)
@@ -103,14 +103,14 @@ def _turns(random: Random, t: Array, span: Span) -> tuple[Array, Array, Array]:
 
 
 def burst(random: Random, t: Array, span: Span) -> Array:
-    """A sine that swells and fades, along a line."""
+    """Draws accelerations (N, 2) of an oscillation along a line that swells and fades."""
     angle = random.choice([0.0, 0.5 * np.pi, random.uniform(0, np.pi)])
     along = sine(t, span, random.uniform(0.2, 0.5), random.uniform(0, 2 * np.pi))
     return np.outer(along, [np.cos(angle), np.sin(angle)])
 
 
 def ellipse(random: Random, t: Array, span: Span) -> Array:
-    """Two sines that swell and fade, of other frequencies and phases."""
+    """Draws accelerations (N, 2) of two oscillations with different frequencies and phases."""
     rise = random.uniform(0.2, 0.5)
     other = Span(span.start, span.duration, span.frequency * random.uniform(0.8, 1.25))
     x = sine(t, span, rise, random.uniform(0, 2 * np.pi))
@@ -119,7 +119,7 @@ def ellipse(random: Random, t: Array, span: Span) -> Array:
 
 
 def sine(t: Array, span: Span, rise: float, phase: float) -> Array:
-    """(N,) second derivative of window · sin."""
+    """Returns the second derivative (N,) of a sine multiplied by a window."""
     stage = np.clip((t - span.start) / span.duration, 0.0, 1.0)
     inside = (t > span.start) & (t < span.start + span.duration)
     value, first, second = window(stage, rise)

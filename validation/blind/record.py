@@ -1,4 +1,4 @@
-"""A camera's record of a motion: when it looks, what it loses, how it errs."""
+"""Simulates how a camera measures the heights of a test case: times, losses and errors."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TAIL = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Record:
-    """How a session's motions are measured.
+    """How the heights of a test case are measured: azimuths, losses, clock, zero, noise.
 
     Attributes:
         azimuths: (K,) [rad] of the wall heights; None: MSH.
@@ -48,7 +48,7 @@ class Record:
 
     @classmethod
     def draw(cls, random: Random, traits: Sequence[Hidden]) -> Record:
-        """One that shows what is hidden."""
+        """Draws a way of measuring in which the hidden effects are visible."""
         kinds: list[int] = [0, 0, 0, 0, 12, 36]
         count = int(random.choice(kinds))
         if any(trait.msh_only for trait in traits):
@@ -66,18 +66,18 @@ class Record:
 
     @property
     def sensor(self) -> str:
-        """What is measured, in words."""
+        """Describes what is measured: `msh`, or the number of azimuths."""
         return "msh" if self.azimuths is None else f"{len(self.azimuths)} azimuths"
 
     def times(self, inputs: Inputs) -> Array:
-        """(M,) frame times on the inputs' clock [s]."""
+        """Returns the image times (M,) on the inputs' clock [s]."""
         first, last = inputs.t[0] + self.phase, inputs.t[-1] - TAIL
         return np.asarray(first + np.arange(int((last - first) * FRAME_RATE)) / FRAME_RATE)
 
     def change(
         self, truth: Truth, lacking: Truth, motions: Sequence[Inputs], sessions: Array
     ) -> float:
-        """Rms of the difference between two truths over all samples [m]."""
+        """Returns the rms difference of two simulated liquids' heights over all samples [m]."""
         squares = []
         for inputs, session in zip(motions, sessions, strict=True):
             at = self.times(inputs)
@@ -88,7 +88,7 @@ class Record:
     def driven(
         self, truth: Truth, motions: Sequence[Inputs], felt: Sequence[Inputs], sessions: Array
     ) -> float:
-        """Rms of what errors of the inputs do to the heights of who computes with them [m]."""
+        """Returns the rms height error [m] that errors of the inputs cause in a model."""
         if self.dirt is None or self.dirt.input_noise == 0.0:
             return 0.0
         squares = []
@@ -102,7 +102,7 @@ class Record:
 def record(
     random: Random, truth: Truth, inputs: Inputs, how: Record, name: str, session: float
 ) -> MeasuredMotion:
-    """The measured motion."""
+    """Simulates the measurement of a motion and returns it."""
     at = how.times(inputs)
     seen = heights(truth, inputs, at, how.azimuths, session)
     errors = random.normal(0.0, how.noise, seen.shape)

@@ -1,4 +1,4 @@
-"""What a workflow's answer to a case is worth.
+"""Scores the result that a discovery gives for a synthetic test case.
 
     row = score_case(case, discover(case.motions, case.base, case.holdout))
     row["right"]
@@ -38,7 +38,7 @@ def run_case(
     effect: str | None = None,
     dirt: Dirt | None = None,
 ) -> Row:
-    """Makes a case, asks the workflow and scores its answer; an exception is a wrong answer."""
+    """Makes a test case, runs the discovery and scores its result; an exception is wrong."""
     case = make_case(kind, index, seed, effect, dirt)
     start, busy = time.perf_counter(), time.process_time()
     try:
@@ -54,7 +54,7 @@ def run_case(
 
 
 def score_case(case: Case, finding: Finding) -> Row:
-    """The case, the answer and what the answer is worth, as plain values."""
+    """Returns case, result and score of a discovery as a dictionary of plain values."""
     found = [
         {
             "name": effect.name,
@@ -82,7 +82,7 @@ def score_case(case: Case, finding: Finding) -> Row:
 
 
 def failed(case: Case, error: str) -> Row:
-    """The row of a workflow that gave no answer."""
+    """Returns the score of a discovery that raised an error."""
     answer: Row = {"verdict": "error", "found": [], "confidence": None, "closed": None, "gap": {}}
     return judge(_question(case) | answer | {"error": error})
 
@@ -110,7 +110,7 @@ def _finite(value: float) -> float | None:
 
 
 def judge(row: Row) -> Row:
-    """The row with its judgement: right, first, in_set, names (one by one) and misled.
+    """Adds to a scored result whether the found effects are right, and which.
 
     - right: what the issue of the case's kind asks for.
     - first: the first name is one of the hidden.
@@ -138,7 +138,7 @@ def judge(row: Row) -> Row:
 
 
 def without_bias(row: Row) -> Row:
-    """The row without the tilt that a biased accelerometer has, where nothing else hides one."""
+    """Removes a found tilt that only reflects the accelerometer's bias, not a hidden effect."""
     if not row.get("bias") or BIAS in row["hidden"]:
         return row
     found = [effect for effect in row["found"] if BIAS not in options(effect)]
@@ -149,18 +149,18 @@ def without_bias(row: Row) -> Row:
 
 
 def wanted(row: Row) -> set[str]:
-    """Every name that is right to say."""
+    """Returns the names of all effects that would be right answers."""
     also = [NAMED_AS[row["wrong"][0]]] if row["wrong"] else []
     return {*row["hidden"], *also} if row["kind"] != "outside" else set()
 
 
 def options(effect: Row) -> set[str]:
-    """A found effect's name and what might stand in its place."""
+    """Returns the name of a found effect, and of the alternatives that it lists."""
     return {effect["name"], *effect["alternatives"]}
 
 
 def _ambiguous_set(row: Row, expected: set[str]) -> bool:
-    """Whether the answer says that it is one of few, and one of them is right."""
+    """Whether the result is a small ambiguous set that contains a right effect."""
     if row["verdict"] != "ambiguous" or len(row["found"]) != 1:
         return False
     said = options(row["found"][0])
@@ -168,7 +168,7 @@ def _ambiguous_set(row: Row, expected: set[str]) -> bool:
 
 
 def _single(row: Row) -> bool:
-    """The one name and no other, or a right set of two; a pick of two alike is not right."""
+    """Whether exactly the hidden effect was found, or a right ambiguous set of two."""
     expected = set(row["hidden"])
     if _ambiguous_set(row, expected):
         return True
@@ -180,12 +180,12 @@ def _single(row: Row) -> bool:
 
 
 def _pairs(row: Row) -> bool:
-    """Both named and nothing else; one of two where it is said to be either."""
+    """Whether both hidden effects were found and nothing else, also as an ambiguous set."""
     return _covers(row, set(row["hidden"]))
 
 
 def _covers(row: Row, expected: set[str]) -> bool:
-    """Whether each expected name has its own found effect, and no found effect is left over."""
+    """Whether each expected effect was found once, and no other effect was found."""
     found = [options(effect) for effect in row["found"]]
     if row["verdict"] not in ("named", "ambiguous") or len(found) != len(expected):
         return False
@@ -208,7 +208,7 @@ def _none(row: Row) -> bool:
 
 
 def _outside(row: Row) -> bool:
-    """Unexplained, or the physically nearest name without certainty."""
+    """Whether the result is `unexplained`, or the physically nearest effect, uncertain."""
     if row["verdict"] == "unexplained":
         return True
     said = set[str]().union(*(options(effect) for effect in row["found"]))
@@ -217,7 +217,7 @@ def _outside(row: Row) -> bool:
 
 
 def _wrong_parameter(row: Row) -> bool:
-    """The missing effect; the wrong parameter too, where it shows, and nothing else."""
+    """Whether the missing effect and a visibly wrong parameter were found, nothing else."""
     also = NAMED_AS[row["wrong"][0]]
     both = _covers(row, {*row["hidden"], also})
     if row["strength"][row["wrong"][0]] > VISIBLE:

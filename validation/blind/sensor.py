@@ -1,4 +1,4 @@
-"""What a sensor measures of the liquid's true surface."""
+"""Simulates what a height sensor measures of the liquid's true surface."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def measure(
     times: Array,
     azimuths: Array | None,
 ) -> Array:
-    """(M, 1) MSH or (M, K) wall heights as measured, without noise.
+    """Returns the maximum height (M, 1) or wall heights (M, K) as measured, without noise [m].
 
     The order is the light's: the wave's shape, the film that it leaves on the wall, the part of
     the wall in view, the frame's edge, the sensor's lag, then the conversion to metres and the
@@ -57,7 +57,7 @@ def measure(
 def _surface(
     truth: Truth, wave: Array, heading: Array, level: Array, azimuths: Array | None
 ) -> Array:
-    """(T, 1) or (T, K) true heights of the wall line above the start's still level [m]."""
+    """Returns the true maximum or wall heights above the still level at the start [m]."""
     size = np.hypot(wave[:, 0], wave[:, 1])
     crest = np.arctan2(wave[:, 1], wave[:, 0]) - heading
     if azimuths is not None:
@@ -74,7 +74,7 @@ def _surface(
 
 
 def _lag(t: Array, surface: Array, time: float) -> Array:
-    """A first-order lag, exact for heights that are straight between the fine times."""
+    """Applies a first-order lag, exactly for heights that vary linearly between samples."""
     out = np.empty_like(surface)
     out[0] = surface[0]
     for i, step in enumerate(np.diff(t)):

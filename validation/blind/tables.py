@@ -1,4 +1,4 @@
-"""Scored rows as Markdown tables, with counts."""
+"""Formats scored discoveries as Markdown tables with counts."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ TITLES = {
 
 
 def share(rows: Iterable[Row], judge: Judge) -> str:
-    """'95 % (38/40)', or a dash where there is nothing to count."""
+    """Formats the share of rows that meet a condition, such as '95 % (38/40)'; '-' if empty."""
     values = [bool(judge(row)) for row in rows]
     if not values:
         return "-"
@@ -41,41 +41,41 @@ def share(rows: Iterable[Row], judge: Judge) -> str:
 
 
 def tally(rows: Iterable[Row], judge: Judge) -> str:
-    """'38/40', or a dash where there is nothing to count."""
+    """Formats the number of rows that meet a condition, such as '38/40'; '-' if empty."""
     values = [bool(judge(row)) for row in rows]
     return f"{sum(values)}/{len(values)}" if values else "-"
 
 
 def right(row: Row) -> bool:
-    """Whether the answer is what the case asks for."""
+    """Whether a discovery's result is right."""
     return bool(row["right"])
 
 
 def counted(rows: Sequence[Row], kind: str) -> list[Row]:
-    """The rows of a kind whose effects are more than three noises strong."""
+    """Returns the rows of one kind of case whose effects exceed three noise deviations."""
     return [row for row in rows if row["kind"] == kind and row["counts"]]
 
 
 def closed(rows: Iterable[Row]) -> float | None:
-    """Median share of the removable gap that is closed on held-out motions."""
+    """Returns the median share of the removable error that is removed on held-out motions."""
     values = [row["closed"] for row in rows if row["closed"] is not None]
     return median(values) if values else None
 
 
 def closed_text(rows: Iterable[Row]) -> str:
-    """The median as text."""
+    """Formats the median share of the error that is removed; '-' if unknown."""
     value = closed(rows)
     return "-" if value is None else f"{100.0 * value:.0f} %"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table: text, then figures to the right."""
+    """Formats a Markdown table with one column of text and right-aligned numbers."""
     lines = ["| " + " | ".join(head) + " |", "|---|" + "--:|" * (len(head) - 1)]
     return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)]) + "\n"
 
 
 def overview(rows: Sequence[Row]) -> str:
-    """One line for each claim."""
+    """Formats the results for each claim about the discovery as a table."""
     lines = [
         (title, GOALS[kind], share(counted(rows, kind), right)) for kind, title in TITLES.items()
     ]
@@ -112,7 +112,7 @@ def overview(rows: Sequence[Row]) -> str:
 
 
 def by_effect(rows: Sequence[Row]) -> str:
-    """One line for each listed effect."""
+    """Formats the results by hidden effect of the list as a table."""
     single = counted(rows, "single")
     lines = []
     for name in LISTED:
@@ -124,7 +124,7 @@ def by_effect(rows: Sequence[Row]) -> str:
 
 
 def by_outside(rows: Sequence[Row]) -> str:
-    """One line for each effect outside the list."""
+    """Formats the results by hidden effect outside the list as a table."""
     lines = []
     for name in OUTSIDE:
         own = [row for row in counted(rows, "outside") if row["hidden"] == [name]]
@@ -147,7 +147,7 @@ def by_outside(rows: Sequence[Row]) -> str:
 
 
 def by_group(rows: Sequence[Row], title: str, groups: Sequence[tuple[str, Judge]]) -> str:
-    """One line for each group of cases, one column for each kind."""
+    """Formats the results by group of cases, with one column for each kind of case."""
     kinds = tuple(TITLES)
     lines = []
     for name, belongs in groups:
@@ -163,7 +163,7 @@ def by_group(rows: Sequence[Row], title: str, groups: Sequence[tuple[str, Judge]
 
 
 def by_noise(rows: Sequence[Row]) -> str:
-    """One line for each range of the noise."""
+    """Formats the results by range of the height noise as a table."""
 
     def within(low: float, high: float) -> Judge:
         return lambda row: low <= 1e3 * row["noise"] < high
@@ -173,22 +173,22 @@ def by_noise(rows: Sequence[Row]) -> str:
 
 
 def by_base(rows: Sequence[Row]) -> str:
-    """One line for each base model."""
+    """Formats the results by base model as a table."""
     return by_group(rows, "base", [(name, has("base", name)) for name in BASES])
 
 
 def by_sensor(rows: Sequence[Row]) -> str:
-    """One line for each kind of measurement."""
+    """Formats the results by kind of height measurement as a table."""
     return by_group(rows, "measured", [(name, has("sensor", name)) for name in SENSORS])
 
 
 def has(field: str, value: str) -> Judge:
-    """Judges whether a row's field has this value."""
+    """Returns a function that tests whether a row's field has a value."""
     return lambda row: bool(row[field] == value)
 
 
 def reliability(rows: Sequence[Row]) -> str:
-    """Confidences against how often the names are right, cases inside and outside the list."""
+    """Formats stated confidences against the rate of right effects as a table."""
     inside = [name for row in rows if row["kind"] != "outside" for name in row["names"]]
     outside = [name for row in rows if row["kind"] == "outside" for name in row["names"]]
     lines = []

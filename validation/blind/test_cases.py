@@ -1,4 +1,4 @@
-"""What a blind case promises."""
+"""Tests of the properties that synthetic test cases of the discovery promise."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The discovery on cases whose answer it does not know.
+"""Runs the discovery on synthetic test cases whose hidden effects it does not know.
 
 The full run measures what docs/results/discovery_scores.md states; SLOSH_BLIND_ROUNDS says how
 many times each listed effect is hidden alone (2), and scales the other kinds with it.

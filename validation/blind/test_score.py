@@ -1,4 +1,4 @@
-"""What the scores count as right."""
+"""Tests which discovery results the scores count as right."""
 
 import json
 

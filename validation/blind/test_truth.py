@@ -1,4 +1,4 @@
-"""The truth simulator against closed forms and SciPy's DOP853 on the Lagrange form."""
+"""Compares the truth simulator with closed forms and with SciPy's DOP853."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def motion(rate=250.0, size=3.0, lift=2.0):
 
 
 def turning(inputs, yaw=0.0, lean=0.0):
-    """The same with a smooth turn about the cup's axis and a lean about a fixed direction."""
+    """Returns a motion with a smooth yaw about the cup's axis and a lean in a fixed direction."""
     angle = 0.5 - 0.5 * np.cos(np.pi * inputs.t / inputs.t[-1])
     zero = np.zeros_like(angle)
     side = np.array([0.6, 0.8, 0.0])
@@ -43,7 +43,7 @@ def turning(inputs, yaw=0.0, lean=0.0):
 
 
 def lagrange_solution(truth, inputs, times):
-    """(M, 2) masses' places by DOP853: DL22's (14) term by term, a 2 × 2 system solved each time.
+    """Returns the sloshing masses' positions (M, 2) by DOP853, from DL22's eq. (14).
 
     Everything is in metres; the terms beyond DL22 are added as forces.
     """

@@ -1,4 +1,4 @@
-"""The cup's constants, as the papers and handbooks give them.
+"""Formulae for a cup's sloshing constants from the literature, independent of slosh_model.
 
 Written from the sources alone, with SciPy's Bessel functions: nothing here comes from slosh_model.
 """
@@ -18,25 +18,25 @@ ROOTS: Array = np.asarray(special.jnp_zeros(1, MODES), dtype=float)
 
 
 def frequency_squared(radius: float, depth: Array) -> Array:
-    """(..., 2) ωₙ² [rad²/s²] for depths of any shape (DL22, eq. (3))."""
+    """Returns ωₙ² [rad²/s²] of two modes (..., 2) for liquid depths [m] (DL22, eq. (3))."""
     reach = np.multiply.outer(depth, ROOTS) / radius
     return np.asarray(GRAVITY * ROOTS / radius * np.tanh(reach))
 
 
 def planar_gain(radius: float, depth: Array) -> Array:
-    """(..., 2) η̄ₙ/rₙ of a plane surface: 4 h mₙ/(m_F R) (DL22, eqs. (4), (28))."""
+    """Returns the height gain (..., 2) of a plane surface, 4 h mₙ/(m_F R) (DL22, eq. (28))."""
     tanh = np.tanh(np.multiply.outer(depth, ROOTS) / radius)
     return np.asarray(8.0 * tanh / (ROOTS * (ROOTS**2 - 1.0)))
 
 
 def bessel_gain(radius: float, depth: Array) -> Array:
-    """(..., 2) η̄ₙ/rₙ of a Bessel surface: ξₙ² h mₙ/(m_F R) (DL22, eqs. (4), (30))."""
+    """Returns the height gain (..., 2) of a Bessel surface (DL22, eqs. (4), (30))."""
     tanh = np.tanh(np.multiply.outer(depth, ROOTS) / radius)
     return np.asarray(2.0 * ROOTS * tanh / (ROOTS**2 - 1.0))
 
 
 def empirical_damping_ratio(radius: float, depth: Array, viscosity: float) -> Array:
-    """ζ of a cylinder, of the depths' shape (Ibrahim 2005; Dodge 2000)."""
+    """Returns a cylinder's damping ratio ζ by an empirical formula (Ibrahim 2005; Dodge 2000)."""
     filling = np.asarray(depth) / radius
     bottom = 1.0 + (1.0 - filling) / np.cosh(1.84 * filling)
     size = 0.92 * np.sqrt(viscosity / np.sqrt(GRAVITY * radius**3))

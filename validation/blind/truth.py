@@ -1,4 +1,4 @@
-"""The truth simulator: an independent reading of DL22 and of the design's list of effects."""
+"""Simulates the true liquid of the test cases, independently of slosh_model."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LONGEST_STEP_ROUGH = 0.001
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Wave:
-    """The liquid's true motion on a fine grid.
+    """The simulated true motion of the liquid on a fine time grid.
 
     Attributes:
         t: (G,) [s].
@@ -37,7 +37,7 @@ class Wave:
 
     @property
     def msh(self) -> Array:
-        """(G,) the true maximum over the wall, seen by no sensor [m]."""
+        """Returns the true maximum height (G,) over the whole wall [m]."""
         return np.asarray(np.hypot(self.height[:, 0], self.height[:, 1]))
 
 
@@ -48,7 +48,7 @@ def heights(
     azimuths: Array | None = None,
     session_time: float = 0.0,
 ) -> Array:
-    """(M, 1) MSH or (M, K) wall heights as measured, without noise [m].
+    """Returns the maximum or wall heights [m] that a sensor measures, without noise.
 
     Args:
         truth: what acts.
@@ -63,7 +63,7 @@ def heights(
 
 
 def simulate(truth: Truth, inputs: Inputs, session_time: float = 0.0) -> Wave:
-    """The liquid's motion, from equilibrium in the first sample's tilt."""
+    """Simulates the liquid from equilibrium in the tilt of the first sample."""
     grid = fine_grid(inputs.t, LONGEST_STEP_ROUGH if _rough(truth) else LONGEST_STEP)
     steps = np.diff(grid)
     at = (grid[:-1, np.newaxis] + steps[:, np.newaxis] * gauss.NODES).ravel()
@@ -89,7 +89,7 @@ def _rough(truth: Truth) -> bool:
 
 
 def fine_grid(t: Array, longest: float) -> Array:
-    """The table's times with every interval cut into equal parts no longer than asked."""
+    """Subdivides the intervals of a time grid so that none exceeds a given length [s]."""
     parts = np.maximum(1, np.ceil(np.diff(t) / longest - 1e-9)).astype(int)
     part = np.repeat(np.diff(t) / parts, parts)
     number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
@@ -97,7 +97,7 @@ def fine_grid(t: Array, longest: float) -> Array:
 
 
 def constants(truth: Truth) -> Array:
-    """(CONSTANTS,) what does not change during a motion."""
+    """Returns the constants (CONSTANTS,) of the equations of motion for a liquid."""
     const = np.zeros(gauss.CONSTANTS)
     const[gauss.ALPHA] = truth.value("surface_nonlinearity", "alpha", 0.0)
     const[gauss.VERTICAL] = float(truth.has("vertical_acceleration"))
@@ -117,7 +117,7 @@ def constants(truth: Truth) -> Array:
 
 
 def equilibrium(truth: Truth, node: Array, const: Array) -> Array:
-    """(14,) the state at rest under the first sample's constant acceleration and tilt."""
+    """Returns the rest state (14,) for the first sample's acceleration and tilt."""
     start = np.zeros(gauss.STATE_WIDTH)
     servo = gauss.SERVO_STATE
     start[servo : servo + 3] = node[:3]

@@ -1,4 +1,4 @@
-"""What the truth simulator simulates: a cup and what acts in it."""
+"""Parameters of the simulated true liquid: a cup and the effects that act in it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ OUTSIDE = (
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """A cup of liquid and everything that acts.
+    """A cup of liquid with the effects that act in it, for the truth simulator.
 
     Attributes:
         radius: R [m].
@@ -46,30 +46,30 @@ class Truth:
     effects: Mapping[str, Parameters] = field(default_factory=dict)
 
     def has(self, effect: str) -> bool:
-        """Whether the effect acts."""
+        """Returns whether an effect acts."""
         return effect in self.effects
 
     def value(self, effect: str, parameter: str, neutral: float) -> float:
-        """A parameter's value; neutral where the effect does not act."""
+        """Returns a parameter of an effect, or a neutral value if the effect does not act."""
         return self.effects.get(effect, {}).get(parameter, neutral)
 
     def growth(self, effect: str, session_time: float, elapsed: Array) -> Array:
-        """By which factor an effect has grown since the session, or each motion, began."""
+        """Returns the factor by which an effect has grown since its session or motion began."""
         by_session, by_motion = (self.value(effect, key, 0.0) for key in ("session", "motion"))
         exponent = by_session * (session_time + elapsed) + by_motion * elapsed
         return np.asarray(self.value(effect, "start", 1.0) * np.exp(exponent))
 
     def plus(self, effect: str, parameters: Parameters) -> Truth:
-        """The same with one more effect."""
+        """Returns a copy with one more effect."""
         return replace(self, effects={**self.effects, effect: dict(parameters)})
 
     def without(self, *effects: str) -> Truth:
-        """The same without these effects."""
+        """Returns a copy without the named effects."""
         kept = {name: value for name, value in self.effects.items() if name not in effects}
         return replace(self, effects=kept)
 
     def as_model(self) -> Model:
-        """The model that the workflow is given; effects outside the list are left out."""
+        """Returns the model for the discovery, without effects that it does not know."""
         return Model(
             container=Cylinder(self.radius, self.fill_height),
             liquid=Liquid(kinematic_viscosity=self.viscosity),

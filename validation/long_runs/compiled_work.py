@@ -1,4 +1,4 @@
-"""Programs that compile, each in its own order; and one that compares what they left behind.
+"""Programs that compile functions in different orders, and one that compares their results.
 
     python validation/long_runs/compiled_work.py WORK [FOLDER]
 
@@ -23,7 +23,7 @@ SAMPLES, TICK_NS = 200, 3_906_250  # 1/256 s: exact in both clocks
 
 
 def step(folder: Path) -> None:
-    """A simulation sample by sample."""
+    """Simulates one sample, which compiles the simulator."""
     from slosh_model.model import Model
     from slosh_model.shapes.cylinder import Cylinder
     from slosh_model.simulate import Simulator
@@ -32,7 +32,7 @@ def step(folder: Path) -> None:
 
 
 def live(folder: Path) -> None:
-    """What the estimator node does before its first message."""
+    """Runs what the estimator node computes before its first message."""
     from slosh_estimator.estimator import Estimator
     from slosh_estimator.sample import Sample
     from slosh_model.model import Model
@@ -44,7 +44,7 @@ def live(folder: Path) -> None:
 
 
 def simulate(folder: Path) -> None:
-    """`slosh simulate`."""
+    """Runs `slosh simulate` on a short motion."""
     motion = folder / "motion.csv"
     rows = [f"{k / 100},{np.sin(k / 9)},{np.cos(k / 7) - 1},0" for k in range(100)]
     motion.write_text("t,ax,ay,az\n" + "\n".join(rows) + "\n")
@@ -52,12 +52,12 @@ def simulate(folder: Path) -> None:
 
 
 def replay(folder: Path) -> None:
-    """`slosh replay`."""
+    """Runs `slosh replay` on a bag."""
     _slosh("replay", str(ROOT / "bags" / "cut"))
 
 
 def detect(folder: Path) -> None:
-    """`slosh detect`, on images of the simulated cell."""
+    """Runs `slosh detect` on images of the simulated cell."""
     import cv2
 
     from slosh_bringup.cell.renderer import CupRenderer
@@ -72,13 +72,13 @@ def detect(folder: Path) -> None:
 
 
 def discover(folder: Path) -> None:
-    """`slosh discover`, with a proposal of generic terms."""
+    """Runs `slosh discover` on a bag, including the proposal of a generic equation term."""
     found = folder / "found"
     _slosh("discover", str(ROOT / "bags" / "cut"), "--model", str(_model()), "-o", str(found))
 
 
 def compare(folder: Path) -> None:
-    """The bits of every effect, live, in columns and simulated."""
+    """Prints hashes of live, batch and simulated heights for every modelled effect."""
     from example_effects import STRENGTHS
 
     from slosh_model.effects.registry import EFFECTS

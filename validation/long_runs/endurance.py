@@ -1,4 +1,4 @@
-"""Half an hour of a cell whose nodes are killed in turn, with viewers at its page: what is lost?
+"""Runs a cell for half an hour, kills its nodes in turn and counts lost messages.
 
     tools/run python -m validation.long_runs.endurance [--minutes 30] [-o OUT]
 
@@ -83,7 +83,7 @@ Integers = NDArray[np.int64]
 
 @dataclass(slots=True)
 class Observed:
-    """What was seen while the cell ran.
+    """What was observed while the cell ran: kills, memory use and viewers' page updates.
 
     Attributes:
         kills: moment [ns] and node.
@@ -99,7 +99,7 @@ class Observed:
 
 
 def main() -> int:
-    """Runs it; 1 where messages were lost that no kill explains, or a bag replays otherwise."""
+    """Runs the test; returns 1 for unexplained losses or a bag whose replay differs."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--viewers", type=int, default=2)
@@ -124,7 +124,7 @@ def main() -> int:
 
 
 def observe(cell: subprocess.Popen[bytes], seconds: float, viewers: int) -> Observed:
-    """Looks at memory and kills, for so long [s]; viewers come back as a browser's page does."""
+    """Samples memory and kills nodes in turn for a time [s]; reconnects viewers."""
     seen = Observed()
     begun = time.monotonic()
     looks, strikes = _moments(begun, SAMPLED), _moments(begun, EVERY)
@@ -156,7 +156,7 @@ def _moments(begun: float, every: float) -> Iterator[float]:
 
 
 def _kept(watching: list[Viewer], wanted: int, seen: Observed) -> list[Viewer]:
-    """The viewers that are left, and new ones in the place of those whose page ended."""
+    """Returns the viewers that are still connected, with new ones for those that are not."""
     left = [viewer for viewer in watching if viewer.is_alive()]
     seen.frames += [len(viewer.ages) for viewer in watching if not viewer.is_alive()]
     while len(left) < wanted:
@@ -169,7 +169,7 @@ def _kept(watching: list[Viewer], wanted: int, seen: Observed) -> list[Viewer]:
 
 
 def write_seen(path: Path, seen: Observed) -> None:
-    """Writes kills, and each process' memory: [s] since the start and [MB]."""
+    """Writes the kills, and each process's memory over time, to a JSON file."""
     memory = [
         {"node": node, "process": process, "sizes": sizes_of}
         for (node, process), sizes_of in seen.memory.items()
@@ -178,7 +178,7 @@ def write_seen(path: Path, seen: Observed) -> None:
 
 
 class Stream(NamedTuple):
-    """What was recorded of a stream.
+    """Stamps of a recorded stream of messages, and the stamps that it should have.
 
     Attributes:
         stamps: (N,) of its messages, rising [ns].
@@ -194,7 +194,7 @@ class Stream(NamedTuple):
 
 
 def print_gaps(bags: Sequence[Path], kills: Sequence[tuple[int, str]]) -> int:
-    """Prints each stream's gaps; returns how many messages nothing explains.
+    """Prints the gaps of each stream; returns the number of unexplained missing messages.
 
     A height is missing, too, where the camera on a busy machine took the next image in its place:
     that is told, and counted only where it was silent for a second.
@@ -224,8 +224,7 @@ def print_gaps(bags: Sequence[Path], kills: Sequence[tuple[int, str]]) -> int:
 
 
 def recorded_streams(read: Mapping[str, Mapping[str, NDArray[np.int64]]]) -> dict[str, Stream]:
-    """What the bags hold, and what they should: inputs at the robot's rate, an estimate to each
-    but those that were refused, a height to each image, a comparison to each height."""
+    """Returns each stream's recorded stamps, with those that the recorded inputs imply."""
     accel, surface, comparison, image = (
         np.unique(stamps_of(read[name]))
         for name in ("accel", "free_surface", "comparison", "cell/truth")
@@ -246,7 +245,7 @@ def recorded_streams(read: Mapping[str, Mapping[str, NDArray[np.int64]]]) -> dic
 
 
 def gaps(stream: Stream, kills: Sequence[int]) -> tuple[int, int, list[tuple[int, int]]]:
-    """Messages that are missing between recorded ones.
+    """Finds messages that are missing between recorded ones, and those that a kill explains.
 
     Args:
         stream: what was recorded, and what should have been.
@@ -276,7 +275,7 @@ def gaps(stream: Stream, kills: Sequence[int]) -> tuple[int, int, list[tuple[int
 
 
 def read_columns(bags: Sequence[Path]) -> dict[str, dict[str, NDArray[np.int64]]]:
-    """By stream and field the messages' whole numbers; one look at the bags, which are large."""
+    """Reads integer columns of the streams' messages from all bags in one pass."""
     wanted = {f"/slosh/{name}": fields for name, fields in FIELDS.items()}
     found: dict[str, list[dict[str, NDArray[np.int64]]]] = {topic: [] for topic in wanted}
     for bag in bags:
@@ -296,12 +295,12 @@ def read_columns(bags: Sequence[Path]) -> dict[str, dict[str, NDArray[np.int64]]
 
 
 def stamps_of(columns: Mapping[str, NDArray[np.int64]]) -> Integers:
-    """The headers' stamps [ns]."""
+    """Returns the header stamps of messages [ns]."""
     return columns["header.stamp.sec"] * SECOND + columns["header.stamp.nanosec"]
 
 
 def print_memory(memory: Mapping[tuple[str, int], Sequence[tuple[float, float]]]) -> None:
-    """Prints each node's own memory: at the end of its lives, and the slope within them."""
+    """Prints each node's private memory at the end of its runs, and its growth."""
     for node in sorted({name for name, _ in memory}):
         lives = [np.array(rows) for (name, _), rows in memory.items() if name == node]
         settled = [rows[rows[:, 0] > rows[0, 0] + WARM] for rows in lives]
@@ -315,7 +314,7 @@ def print_memory(memory: Mapping[tuple[str, int], Sequence[tuple[float, float]]]
 
 
 def print_replay(bag: Path) -> bool:
-    """Prints what a bag's replay says; whether every estimate came out again, bit for bit."""
+    """Replays a bag and prints the result; returns whether all estimates were reproduced."""
     try:
         verification = replay_bag(bag).verification
     except SloshBagError as error:

@@ -1,4 +1,4 @@
-"""Readers of images killed in the midst of a message, again and again: who hears nothing then?
+"""Kills readers of images in the middle of messages; checks that other readers still receive.
 
     tools/run python -m validation.long_runs.killed_readers [--rounds 40] [--without]
 
@@ -52,10 +52,12 @@ LONGEST = 60.0
 
 
 def main() -> int:
-    """Runs it; 1 where somebody heard nothing."""
+    """Runs the test; returns 1 if a reader no longer received messages."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=40)
-    parser.add_argument("--without", action="store_true", help="do not hold the dead port")
+    parser.add_argument(
+        "--without", action="store_true", help="do not lock killed processes' ports"
+    )
     parser.add_argument("--role", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.role == "writer":
@@ -68,7 +70,7 @@ def main() -> int:
 
 
 def write() -> int:
-    """Sends images and accelerations."""
+    """Publishes images and accelerations until the process is killed."""
     rclpy.init()
     node = Node("writer")
     images = node.create_publisher(Image, "image", qos.IMAGE_OUT)
@@ -88,7 +90,7 @@ def write() -> int:
 
 
 def read(name: str, without: bool) -> int:
-    """Prints once a second how many messages of each topic it has heard in it."""
+    """Prints once a second how many messages of each topic were received."""
     if without:
         patch("slosh_msgs_py.node.run.hold_dead_ports").start()
     initialise([])
@@ -115,14 +117,14 @@ def read(name: str, without: bool) -> int:
 
 
 class Reader:
-    """A process that reads, and the newest that it told."""
+    """A process that receives messages, and its newest message counts."""
 
     def __init__(self, name: str, options: list[str]) -> None:
         self._command = [sys.executable, __file__, "--role", name, *options]
         self.start()
 
     def start(self) -> None:
-        """Starts it, again where it was killed."""
+        """Starts the reader's process, or restarts a killed one."""
         self.told: tuple[int, ...] = ()
         self.process = subprocess.Popen(
             self._command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
@@ -136,7 +138,7 @@ class Reader:
                 self.told = tuple(map(int, line.split()))
 
     def kill_amid_messages(self) -> None:
-        """Kills it while it works off what came during a stop."""
+        """Kills the reader while it processes messages that waited during a stop."""
         self.process.send_signal(SIGSTOP)
         time.sleep(0.3)
         self.process.send_signal(SIGCONT)
@@ -147,7 +149,7 @@ class Reader:
 
 @contextmanager
 def running(options: list[str]) -> Iterator[dict[str, Reader]]:
-    """The writer and the readers."""
+    """Runs the writer and all readers inside a `with` block."""
     writer = subprocess.Popen([sys.executable, __file__, "--role", "writer"])
     readers = {name: Reader(name, options) for name in READERS}
     try:
@@ -159,7 +161,7 @@ def running(options: list[str]) -> Iterator[dict[str, Reader]]:
 
 
 def kill(rounds: int, without: bool) -> int:
-    """Kills the reader of images so often, and prints who hears nothing."""
+    """Kills the image reader repeatedly, and prints which readers receive nothing."""
     lasted, dead_ports = [], DeadPorts()
     with running(["--without"] if without else []) as readers:
         time.sleep(2 * ROUND)
@@ -182,7 +184,7 @@ def kill(rounds: int, without: bool) -> int:
 
 
 def deaf_ones(readers: Mapping[str, Reader]) -> list[str]:
-    """Names of those that have heard nothing of one of their topics in the last second."""
+    """Returns the readers that received nothing on one of their topics in the last second."""
     return [name for name, reader in readers.items() if not (reader.told and all(reader.told))]
 
 

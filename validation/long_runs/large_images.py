@@ -1,4 +1,4 @@
-"""Images of 3840 x 2160 at 60 a second that fit the calibration: what does the camera node do?
+"""Publishes 3840 x 2160 images at 60 per second; checks the camera node's heights and delays.
 
     tools/run python -m validation.long_runs.large_images [--seconds 30] [--fps 60] [--height 2160]
 
@@ -46,11 +46,13 @@ PATIENCE = 30.0
 
 
 def main() -> int:
-    """Runs it; 1 where nothing was measured, or a height is wrong by more than a millimetre."""
+    """Runs the test; returns 1 if no height was measured or one is wrong by over 1 mm."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--fps", type=float, default=60.0)
-    parser.add_argument("--height", type=int, default=2160, help="rows; the width is 16/9 of them")
+    parser.add_argument(
+        "--height", type=int, default=2160, help="image rows; the width is 16/9 of them"
+    )
     parser.add_argument("--send", type=Path, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.send:
@@ -62,7 +64,7 @@ def main() -> int:
 
 
 def draw(folder: Path, rows: int) -> None:
-    """Writes the calibration of a camera with so many rows, and its pictures."""
+    """Writes the calibration of a camera with a number of image rows, and its images."""
     camera = yaml.safe_load((config_folder() / "camera.yaml").read_text())
     scale = rows / camera["image_height"]
     camera["image_height"], camera["image_width"] = rows, rows * 16 // 9
@@ -79,7 +81,7 @@ def draw(folder: Path, rows: int) -> None:
 
 
 def send(folder: Path, fps: float) -> int:
-    """Shows the pictures again and again, until it is ended; each frame names its picture."""
+    """Publishes the images repeatedly until killed; each frame id names the image."""
     pictures = [path.read_bytes() for path in sorted(folder.glob("*.jpg"))]
     rclpy.init()
     node = rclpy.create_node("lens", namespace="/slosh")
@@ -97,7 +99,7 @@ def send(folder: Path, fps: float) -> int:
 
 
 class Listener(Node):
-    """Hears the camera node.
+    """ROS node that receives the heights and diagnostics of the camera node.
 
     Attributes:
         found: moment of arrival [ns] and what was measured.
@@ -121,7 +123,7 @@ class Listener(Node):
 
 
 def run(folder: Path, domain: int, given: argparse.Namespace) -> int:
-    """Camera node, lens and listener for so long; prints what came."""
+    """Runs camera node, image source and listener for a time; prints the results."""
     environment = node_environment(domain)
     rclpy.init(domain_id=domain)
     listener = Listener()
@@ -149,7 +151,7 @@ def run(folder: Path, domain: int, given: argparse.Namespace) -> int:
 
 
 def spin(listener: Listener, condition: Any, patience: float) -> None:
-    """Hears until something has happened.
+    """Runs the listener until a condition holds; raises an error after a timeout.
 
     Raises:
         RuntimeError: it does not happen.
@@ -162,7 +164,7 @@ def spin(listener: Listener, condition: Any, patience: float) -> None:
 
 
 def report(listener: Listener, seconds: float, fps: float) -> int:
-    """Prints what came; the exit code."""
+    """Prints image rate, delays and height errors; returns the exit code."""
     ages = [(at - to_nanoseconds(one.header.stamp)) * 1e-6 for at, one in listener.found]
     middle, late, worst = np.percentile(ages, (50, 99, 100))
     print(

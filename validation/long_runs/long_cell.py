@@ -1,4 +1,4 @@
-"""A cell that runs for minutes with the simulated robot, and what its nodes need of memory."""
+"""Runs a cell with the simulated robot for minutes and samples its nodes' memory."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from slosh_testing.live_processes import nodes_of
 
 @dataclass(slots=True)
 class LongCell:
-    """A cell that runs.
+    """A running `slosh cell` process and its exit code.
 
     Attributes:
         process: of the command.
@@ -32,7 +32,7 @@ class LongCell:
 def long_cell(
     output: Path, robot: Mapping[str, str], patience: float, options: Sequence[str] = ()
 ) -> Iterator[LongCell]:
-    """Runs `slosh cell` and a robot beside it; both have ended in the end, the cell by SIGTERM.
+    """Runs `slosh cell` and a simulated robot inside a `with` block; ends both afterwards.
 
     Args:
         output: folder of the runs, made where it is missing; `words` in it gets what they say.
@@ -61,7 +61,7 @@ def long_cell(
 
 
 def resident(pid: int, *, own: bool = False) -> float:
-    """Resident memory of a process [MB].
+    """Returns the resident memory of a process [MB].
 
     Args:
         pid: its process id.
@@ -76,7 +76,7 @@ def resident(pid: int, *, own: bool = False) -> float:
 
 
 def sizes(parent: int, *, own: bool = False) -> dict[tuple[str, int], float]:
-    """Resident memory of the nodes that a process has started [MB], by name and process id.
+    """Returns the resident memory of a process's nodes [MB], by name and process id.
 
     Args:
         parent: its process id.

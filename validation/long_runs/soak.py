@@ -1,4 +1,4 @@
-"""A cell under attack for minutes: memory, and whether its recording replays bit for bit.
+"""Runs a cell under attack for minutes; checks its memory and the replay of its bag.
 
     tools/run python -m validation.long_runs.soak [--minutes 10] [-o out/soak]
 
@@ -54,7 +54,7 @@ CUP = "container: {shape: cylinder, radius: %s, fill_height: 0.07}\n"
 
 
 class Stranger:
-    """Sends what a cell must bear."""
+    """Publishes the malicious messages that a cell must survive."""
 
     def __init__(self, node: Node, recorder: int | None = None) -> None:
         self._node, self._recorder = node, recorder
@@ -151,7 +151,7 @@ class Stranger:
 
 
 def main() -> int:
-    """Runs the soak; 1 where a node grew, the replay differs, or the cell ended by itself."""
+    """Runs the test; returns 1 if a node grew, the replay differs or the cell ended."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("-o", "--output", type=Path, default=Path("out/soak"))
@@ -162,7 +162,7 @@ def main() -> int:
 
 
 def soak(seconds: float, output: Path) -> int:
-    """See main."""
+    """Runs the cell under attack for a time [s], reports and returns the exit code."""
     robot = {"motion": "l", "repeat": "100", "fps": "15.0"}
     # Ten minutes are replayed in the end, on a machine with load.
     with long_cell(output, robot, 600.0, ["--watch", str(PORT)]) as cell:
@@ -174,7 +174,7 @@ def soak(seconds: float, output: Path) -> int:
 def attack(
     cell: subprocess.Popen[bytes], seconds: float
 ) -> tuple[bool, dict[str, list[float]], Counter[int], Counter[str], float]:
-    """Attacks for so long [s].
+    """Attacks the cell for a time [s]; returns memory, states and the attacks made.
 
     Returns:
         whether the cell ended; memory by node [MB]; states; attacks; how far the sides were apart
@@ -213,7 +213,7 @@ def attack(
 
 
 def visit(number: int, nodes: Mapping[str, int]) -> str:
-    """A stranger comes, sends and goes; returns what it sent.
+    """Sends one kind of attack from a short-lived node; returns the attack's name.
 
     Two publishers for longer than seconds would make the monitor blind, as they should.
     """
@@ -237,7 +237,7 @@ def report(
     states: Counter[int],
     sent: Counter[str],
 ) -> int:
-    """Prints what came of it."""
+    """Prints attacks, memory and the replay's result; returns the exit code."""
     for name, count in sent.items():
         print(f"{count} x {name}")
     grown = False
@@ -267,7 +267,7 @@ def report(
 
 
 def replayed(bag: Path) -> tuple[bool, tuple[str, ...]]:
-    """Whether the bag replays bit for bit, and lines that say what differs or why it cannot."""
+    """Replays a bag; returns whether it was reproduced, and lines about differences."""
     try:
         verification = replay_bag(bag).verification
     except SloshBagError as error:
@@ -278,7 +278,7 @@ def replayed(bag: Path) -> tuple[bool, tuple[str, ...]]:
 
 
 def missing_estimates(bag: Path) -> int:
-    """Estimates that were published and are not in the bag: each numbers its inputs."""
+    """Returns the number of published estimates that the bag lacks, by their counters."""
     reader = BagReader(bag)
     topic = f"/slosh/{topics.ESTIMATE}"
     used = np.concatenate([

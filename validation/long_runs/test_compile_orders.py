@@ -1,4 +1,4 @@
-"""In whichever order processes compile, live estimates, replays and simulations are the same bits.
+"""Tests that results are identical in whichever order processes compile the functions.
 
 Every process finds in the cache what those before it compiled, each in an order of its own.
 What makes it so is tried in seconds beside the model: one name, one code (test_compilation.py).
@@ -22,7 +22,7 @@ PATIENCE = 600.0
 
 
 def start(work: str, folder: Path, cache: Path | None) -> subprocess.Popen[str]:
-    """A work in a process of its own, with a compile cache of its own or the usual one."""
+    """Starts a program of compiled_work.py in its own process, with a given compile cache."""
     own = {} if cache is None else {"NUMBA_CACHE_DIR": str(cache)}
     place = folder / f"{work}_{len(list(folder.iterdir()))}"
     place.mkdir()
@@ -36,34 +36,34 @@ def start(work: str, folder: Path, cache: Path | None) -> subprocess.Popen[str]:
 
 
 def finish(process: subprocess.Popen[str]) -> str:
-    """What it printed; it ended well."""
+    """Waits for a process's success and returns its output."""
     output, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, errors
     return output
 
 
 def compare(folder: Path, cache: Path | None) -> dict[str, Any]:
-    """By effect: what differs, and a digest of all bits."""
+    """Returns, for each modelled effect, what differs and a hash of all results."""
     found: dict[str, Any] = json.loads(finish(start("compare", folder, cache)))
     return found
 
 
 @functools.cache
 def expected_bits() -> dict[str, Any]:
-    """The bits with the cache that the set-up filled."""
+    """Returns the result hashes with the compile cache of this installation."""
     with tempfile.TemporaryDirectory() as folder:
         return compare(Path(folder), None)
 
 
 def check(folder: Path, cache: Path) -> None:
-    """Every effect gives the expected bits with this cache."""
+    """Checks that every modelled effect gives the expected results with a compile cache."""
     found, expected = compare(folder, cache), expected_bits()
     assert {name: one["differ"] for name, one in found.items()} == {name: [] for name in expected}
     assert found == expected
 
 
 def work_in_turn(works: Sequence[str], folder: Path, cache: Path) -> None:
-    """One work after the other."""
+    """Runs several programs one after the other with the same compile cache."""
     for work in works:
         finish(start(work, folder, cache))
 

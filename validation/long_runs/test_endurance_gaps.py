@@ -1,4 +1,4 @@
-"""What the long run with killed nodes counts as missing."""
+"""Tests which messages the endurance run counts as missing."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ IMAGE = SECOND // 20
 
 
 def columns(stamps: np.ndarray) -> dict[str, np.ndarray]:
-    """A stream's messages at these moments [ns], before which nothing was dropped."""
+    """Returns the columns of a stream's messages with given stamps [ns] and no drops."""
     sec, nanosec = np.divmod(stamps, SECOND)
     return {"header.stamp.sec": sec, "header.stamp.nanosec": nanosec,
             "samples_dropped": np.zeros_like(stamps)}  # fmt: skip
 
 
 def recorded(comparison: np.ndarray, images: np.ndarray) -> endurance.Stream:
-    """The stream of comparisons, of a recording that holds all the rest."""
+    """Returns the stream of comparisons for a recording whose other streams are complete."""
     every = columns(np.arange(images[0], images[-1] + 1, SECOND // 1000))
     read = {name: columns(images) for name in ("free_surface", "cell/truth")}
     read |= {"accel": every, "estimate": every, "comparison": columns(comparison)}

@@ -1,1 +1,1 @@
-"""Other methods on the blind cases: what they are given, their terms, answers and scores."""
+"""Compares the discovery with other methods on the same test cases with hidden effects."""

@@ -1,4 +1,4 @@
-"""One case, asked of every sparse regression and of the discovery."""
+"""Runs all sparse regressions, or the discovery, on one test case."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from validation.peers.tune import Tuned, label
 
 
 def ask_regressions(job: Job, tuned: Tuned) -> Row:
-    """The case's row: by noise and method what was said and what it is worth."""
+    """Runs every sparse regression on a test case; returns results and scores by noise."""
     case = case_of(job)
     fit, held_out = oracle(case)
     hidden = set(case.hidden)
@@ -48,7 +48,7 @@ def ask_regressions(job: Job, tuned: Tuned) -> Row:
 
 
 def ask_discovery(job: Job) -> Row:
-    """The discovery's own answer to the case as its camera saw it, scored as on its own page."""
+    """Runs the discovery on a test case and returns the scored result."""
     return run_case(discover, *job)
 
 
@@ -57,7 +57,7 @@ def _value(found: Answer, term: str) -> float:
 
 
 def _confidences(found: Answer, said: set[str]) -> dict[str, float]:
-    """By effect: the largest share of the ensemble that has one of its terms."""
+    """Returns, by effect, the largest share of ensemble models with one of its terms."""
     return {
         effect: max(share for term, share in found.inclusion.items() if EFFECT_OF[term] == effect)
         for effect in sorted(said)

@@ -1,4 +1,4 @@
-"""Which blind cases the peers are asked."""
+"""Selects the test cases for the comparison of methods."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Job = tuple[str, int, int]
 
 
 def jobs(rounds: int, seed: int) -> list[Job]:
-    """Kind, index and seed: in every round each effect that terms can say, and some of nothing."""
+    """Returns kind, index and seed of the cases: each expressible effect, and none hidden."""
     found: list[Job] = []
     for turn in range(rounds):
         first = turn * len(LISTED)
@@ -28,10 +28,10 @@ def jobs(rounds: int, seed: int) -> list[Job]:
 
 
 def name_of(job: Job) -> str:
-    """By which the blind cases know it."""
+    """Returns the name of a test case."""
     return case_name(*job, None, None)
 
 
 def case_of(job: Job) -> Case:
-    """The case itself."""
+    """Creates the test case."""
     return make_case(*job)

@@ -1,4 +1,4 @@
-"""What acts on the liquid of a case's base model, at chosen instants."""
+"""Computes what acts on the liquid of a test case's base model at given times."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ GRAVITY = theory.GRAVITY
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drive:
-    """Inputs and the base model's coefficients at T instants; all vectors in axes that do not yaw.
+    """Inputs and the base model's coefficients at T times, in axes that do not yaw.
 
     Attributes:
         t: (T,) since the motion began [s].
@@ -55,12 +55,12 @@ class Drive:
     radius: Array
 
     def row(self, index: int) -> Drive:
-        """One instant; every array loses its first axis."""
+        """Returns the inputs and coefficients at one time."""
         return Drive(*(getattr(self, field.name)[index] for field in fields(self)))
 
 
 def drive_at(base: Truth, inputs: Inputs, times: Array) -> Drive:
-    """The base model's drive at times on the inputs' clock."""
+    """Computes inputs and coefficients of the base model at times on the inputs' clock."""
     nodes = truth_drive.nodes_at(base, inputs, times, 0.0)
     attitude = truth_drive.attitude_at(inputs, times)
     frame = nodes[:, gauss.FRAME : gauss.SPIN].reshape(-1, 3, 3)
@@ -97,7 +97,7 @@ def drive_at(base: Truth, inputs: Inputs, times: Array) -> Drive:
 
 
 def _arms(base: Truth, inputs: Inputs, times: Array, frame: Array) -> Array:
-    """(T, 3, 3) by the lever's direction, then by the axis that the liquid feels."""
+    """Returns accelerations (T, 3, 3) per metre of lever arm, by arm axis and liquid axis."""
     columns = []
     for axis in "xyz":
         lever = {name: float(name == axis) for name in "xyz"}

@@ -1,4 +1,4 @@
-"""How much of the gap a found equation closes on the held-out motions."""
+"""Computes how much of the height error a found equation removes on held-out motions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FAR = 1.0
 
 
 def closed(base: Truth, held_out: Sequence[Latent], coefficients: Array) -> list[float]:
-    """Of each model: share of the gap in the maximum height that it closes; NaN: no gap.
+    """Returns for each model the removed share of the maximum height's error; NaN if no error.
 
     Each model starts in the true state and runs on the true inputs; compared are heights without
     noise. The ratio of height to coordinate is the base model's, and that of a nonlinear surface
@@ -45,7 +45,7 @@ def closed(base: Truth, held_out: Sequence[Latent], coefficients: Array) -> list
 
 
 def heights_of(base: Truth, motion: Latent, models: Array) -> tuple[Array, Array]:
-    """(S,) times and (S, M) maximum heights of M models on a motion."""
+    """Simulates M models on a motion; returns times (S,) [s] and heights (S, M) [m]."""
     steps = int((motion.t[-1] - motion.t[0]) / STEP)
     times = motion.t[0] + STEP * np.arange(steps + 1)
     halves = motion.t[0] + 0.5 * STEP * np.arange(2 * steps + 1)
@@ -60,7 +60,7 @@ def heights_of(base: Truth, motion: Latent, models: Array) -> tuple[Array, Array
 
 
 def _gains(base: Truth, models: Array) -> Array:
-    """(M,) height at the wall over |q|."""
+    """Returns each model's wall height per modal displacement |q|, (M,)."""
     curved = base.plus(SURFACE, {})
     bends = np.array([effect == SURFACE for effect in EFFECT_OF.values()])
     said = np.any(models[:, bends] != 0.0, axis=1)
@@ -68,7 +68,7 @@ def _gains(base: Truth, models: Array) -> Array:
 
 
 def _step(drive: Drive, index: int, state: Array, models: Array) -> Array:
-    """A step of the classical Runge-Kutta method from a row of half steps on."""
+    """Makes one classical Runge-Kutta step of all models; inputs are given at half steps."""
     start, middle, end = (drive.row(index + k) for k in range(3))
 
     def slope(row: Drive, at: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The candidate terms of the liquid's residual acceleration, and which effect each of them is.
+"""Candidate terms of the liquid's equation for regressions, and the effect of each term.
 
 With q the first mode's coordinates the base model says
 
@@ -78,13 +78,13 @@ ALSO: Mapping[str, frozenset[str]] = {
 
 
 def names(support: Iterable[str], hidden: Iterable[str]) -> set[str]:
-    """The effects that a support says; what a hidden effect brings along is not counted."""
+    """Returns the effects to which terms belong, without those that a hidden effect entails."""
     brought = frozenset[str]().union(*(ALSO.get(effect, frozenset()) for effect in hidden))
     return {EFFECT_OF[term] for term in support if term not in brought}
 
 
 def residual(drive: Drive, q: Array, v: Array, acceleration: Array) -> Array:
-    """(..., 2) by how much the base model's equation fails [m/s²].
+    """Returns by how much the base model's equation is violated (..., 2) [m/s²].
 
     Args:
         drive: T instants, or one.
@@ -99,7 +99,7 @@ def residual(drive: Drive, q: Array, v: Array, acceleration: Array) -> Array:
 
 
 def terms(drive: Drive, q: Array, v: Array, acceleration: Array) -> Array:
-    """(..., 2, TERMS) the candidates; arguments as in `residual`, coefficients without unit.
+    """Returns the candidate terms (..., 2, TERMS) of the equation of motion at given states.
 
     Coefficients of levers are in metres, of the jerk in seconds, of `stiffness t` in 1/s.
     """
@@ -139,7 +139,7 @@ def terms(drive: Drive, q: Array, v: Array, acceleration: Array) -> Array:
 
 
 def solved(drive: Drive, q: Array, v: Array, coefficients: Array) -> Array:
-    """(B, 2) acceleration of models that add terms to the base, at one instant.
+    """Returns the acceleration (B, 2) of models with added terms, at one time [m/s²].
 
     Args:
         drive: one instant.
@@ -156,7 +156,7 @@ def solved(drive: Drive, q: Array, v: Array, coefficients: Array) -> Array:
 
 
 def true_coefficients(base: Truth, truth: Truth, squared: float, damping: float) -> Array:
-    """(TERMS,) what the truth adds to the base, of effects that terms say exactly.
+    """Returns the true coefficients (TERMS,) of the hidden effects that the terms express exactly.
 
     Args:
         base: the model without what is hidden.
@@ -193,14 +193,14 @@ def true_coefficients(base: Truth, truth: Truth, squared: float, damping: float)
 
 
 def _spring(drive: Drive, q: Array) -> Array:
-    """(..., 1) ω² with what the base lets it depend on."""
+    """Returns the base model's ω² (..., 1), with its dependence on amplitude and lift."""
     bent = _wide(drive.alpha / drive.radius**2) * _dot(q, q)
     lift = _wide(drive.vertical * drive.felt[..., 2]) / GRAVITY
     return np.asarray(_wide(drive.squared) * (1.0 + bent + lift))
 
 
 def _pushed(drive: Drive, vector: Array, q: Array) -> Array:
-    """(..., 2) what an acceleration of the container does to the mass."""
+    """Returns the acceleration (..., 2) of the mass that a container acceleration causes."""
     lift = _wide(drive.vertical * drive.squared * vector[..., 2]) / GRAVITY
     return np.asarray(-vector[..., :2] - lift * q)
 
@@ -215,7 +215,7 @@ def _anisotropy(drive: Drive, spring: Array, q: Array) -> dict[str, Array]:
 
 
 def _quarter(vector: Array) -> Array:
-    """Turned by 90 degrees."""
+    """Rotates vectors by 90 degrees."""
     return np.stack([-vector[..., 1], vector[..., 0]], axis=-1)
 
 

@@ -1,4 +1,4 @@
-"""A case's true latent state: what no sensor gives, and the peers are given."""
+"""Returns the true modal state of a test case, which no sensor measures, for the regressions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Random = np.random.Generator
 
 @dataclass(frozen=True)
 class Latent:
-    """The first mode's true motion at the inputs' own samples, in axes that do not yaw.
+    """The true motion of the first mode at the input samples, in axes that do not yaw.
 
     Attributes:
         inputs: the motion, as the discovery gets it.
@@ -42,17 +42,17 @@ class Latent:
 
     @cached_property
     def t(self) -> Array:
-        """(T,) [s]."""
+        """Times (T,) of the samples [s]."""
         return self.inputs.t
 
 
 def base_of(case: Case) -> Truth:
-    """The base model, in the truth's words."""
+    """Returns the test case's base model in the form of the truth simulator."""
     return case.truth.without(*case.hidden)
 
 
 def oracle(case: Case) -> tuple[list[Latent], list[Latent]]:
-    """The motions of the fit and those held out, without noise."""
+    """Returns the true modal states of the fitted and of the held-out motions."""
     base = base_of(case)
     return _each(case.truth, base, case.motions), _each(case.truth, base, case.holdout)
 
@@ -62,7 +62,7 @@ def _each(truth: Truth, base: Truth, motions: Sequence[MeasuredMotion]) -> list[
 
 
 def latent(truth: Truth, base: Truth, inputs: Inputs) -> Latent:
-    """The truth's state of one motion."""
+    """Returns the true modal state of one motion."""
     wave = simulate(truth, inputs)
     rows = np.searchsorted(wave.t, inputs.t - 0.1 * LONGEST_STEP_ROUGH)
     states = wave.states[rows]
@@ -72,7 +72,7 @@ def latent(truth: Truth, base: Truth, inputs: Inputs) -> Latent:
 
 
 def noisy(exact: Latent, noise: float, random: Random) -> tuple[Array, Array]:
-    """(T, 2) coordinates and (T, 2) velocities with white noise [m, m/s].
+    """Adds white noise to the modal coordinates (T, 2) [m] and velocities (T, 2) [m/s].
 
     The velocities' is ω times the coordinates': the same share of a wave of the first mode.
     """
@@ -83,14 +83,14 @@ def noisy(exact: Latent, noise: float, random: Random) -> tuple[Array, Array]:
 
 
 def wall_gain(base: Truth) -> float:
-    """Height at the wall over |q|, as the base model has it."""
+    """Returns the wall height per modal displacement |q| of the base model."""
     nonlinear = base.has("surface_nonlinearity")
     gain = theory.bessel_gain if nonlinear else theory.planar_gain
     return float(gain(base.radius, np.array(base.fill_height))[0])
 
 
 def _derivatives(truth: Truth, inputs: Inputs, states: Array) -> tuple[Array, Array]:
-    """(T, 2) q̇ and (T, 2) q̈ from the truth's own slopes."""
+    """Returns the true q̇ and q̈, (T, 2) each, from the simulator's equations."""
     nodes = truth_drive.nodes_at(truth, inputs, inputs.t, 0.0)
     slopes = gauss.slopes_of(np.ascontiguousarray(states), nodes, constants(truth))
     q, v, rate = states[:, :2], slopes[:, :2], slopes[:, 2:4]

@@ -1,4 +1,4 @@
-"""A case as a regression: candidate terms against residual acceleration, pointwise or weak."""
+"""Formulates a test case as a regression of the residual acceleration on candidate terms."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LEAST = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """Rows of a linear regression, a motion after the other.
+    """A linear regression: scaled columns of terms and the target, for all motions.
 
     Attributes:
         columns: (N, K) candidates that the motions show, each of mean square 1 where sampled.
@@ -42,13 +42,13 @@ class Problem:
     which: NDArray[np.int64]
 
     def compressed(self) -> Problem:
-        """The same least squares in K + 1 rows, of the mean square per row."""
+        """Returns an equivalent least-squares problem with only K + 1 rows."""
         both = np.column_stack([self.columns, self.target]) / np.sqrt(len(self.target))
         triangle = np.asarray(np.linalg.qr(both, mode="r"))
         return Problem(triangle[:, :-1], triangle[:, -1], self.scale, self.which)
 
     def coefficients(self, weights: Array) -> Array:
-        """(TERMS,) in the library's units, from weights of the scaled columns."""
+        """Returns the terms' coefficients (TERMS,) in physical units from scaled weights."""
         full = np.zeros(len(TERMS))
         full[self.which] = weights / self.scale
         return full
@@ -56,7 +56,7 @@ class Problem:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Signals:
-    """A motion's candidates and residual over time.
+    """Candidate terms and residual acceleration of one motion over time.
 
     Attributes:
         t: (T,) [s].
@@ -74,7 +74,7 @@ class Signals:
 
 
 def signals(exact: Latent, noise: float, window: float, random: Random) -> Signals:
-    """A motion as the peers see it: with noise, smoothed over a window [s], differentiated."""
+    """Computes a motion's terms and residual from noisy states, smoothed over a window [s]."""
     q, v = noisy(exact, noise, random)
     t = exact.t
     samples = max(ORDER + 1, round(window / float(np.mean(np.diff(t))))) // 2 * 2 + 1
@@ -90,14 +90,14 @@ def signals(exact: Latent, noise: float, window: float, random: Random) -> Signa
 
 
 def strong(motions: Sequence[Signals]) -> Problem:
-    """Row by row, as sampled."""
+    """Formulates the regression pointwise, with one row per sample."""
     columns = [motion.columns.reshape(-1, len(TERMS)) for motion in motions]
     target = [(motion.acceleration + motion.steady).ravel() for motion in motions]
     return _problem(np.concatenate(columns), np.concatenate(target), _scales(motions))
 
 
 def weak(motions: Sequence[Signals], half_width: float, seed: int) -> Problem:
-    """Means over test functions of a half-width [s]; q̈ by parts: it is not differentiated.
+    """Formulates the regression in weak form: integrals over test functions of a width [s].
 
     What multiplies q̈ in a term keeps the differentiated one.
     """
@@ -119,7 +119,7 @@ def weak(motions: Sequence[Signals], half_width: float, seed: int) -> Problem:
 
 
 def _weak_library(grid: Array, half_width: float, seed: int) -> ps.WeakPDELibrary:
-    """PySINDy's weak form over time alone; it places its domains by NumPy's global generator."""
+    """Creates PySINDy's weak-form library over time, with reproducible random domains."""
     state = np.random.get_state()  # noqa: NPY002
     np.random.seed(seed)  # noqa: NPY002
     library = ps.WeakPDELibrary(

@@ -1,4 +1,4 @@
-"""A neural ODE: a small network in the base model's equation, trained through the integrator.
+"""Trains a small neural network in the base model's equation through the integrator.
 
 What it closes of the gap bounds what any equation of these inputs can close; it names nothing.
 """
@@ -41,7 +41,7 @@ ENOUGH = 1e-4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Batch:
-    """Motions side by side, the shorter ones padded.
+    """Inputs, true states and heights of several motions, padded to one length.
 
     Attributes:
         start: (M, 4) true states at the start.
@@ -62,7 +62,7 @@ class Batch:
 
 
 def ask_network(job: Job) -> Row:
-    """The case's row: the share of the gap that the network closes on fit and held-out motions.
+    """Trains a network on a test case; returns the error share that it removes.
 
     Trained on wall heights at 60 Hz with the case's own noise.
     """
@@ -94,7 +94,7 @@ def ask_network(job: Job) -> Row:
 
 
 def batch_of(truth: Truth, base: Truth, motions: Sequence[Latent]) -> Batch:
-    """Motions for the network, with true heights."""
+    """Creates the network's data from motions, with true heights."""
     frames = [int((motion.t[-1] - motion.t[0]) / FRAME) for motion in motions]
     most = max(frames)
     rows, extras, heights = [], [], []
@@ -120,7 +120,7 @@ def batch_of(truth: Truth, base: Truth, motions: Sequence[Latent]) -> Batch:
 
 
 def first_weights(random: np.random.Generator, extra: int) -> Array:
-    """Small ones; the direct part, linear in the inputs, begins at zero."""
+    """Draws small initial weights; those of the direct linear part are zero."""
     inputs = 4 + extra + 1
     direct = np.zeros(2 * inputs)
     hidden = random.normal(0.0, 0.5 / np.sqrt(inputs), HIDDEN * inputs)
@@ -130,7 +130,7 @@ def first_weights(random: np.random.Generator, extra: int) -> Array:
 def trained(
     weights: Array, batch: Batch, extra: Array, measured: Array, noise: float, count: int
 ) -> tuple[Array, int]:
-    """Weights after Levenberg and Marquardt, with a normal prior on each.
+    """Trains the weights by Levenberg-Marquardt; keeps those best for a validation motion.
 
     The last motion is not learned from: kept are the weights of the iteration that suited it best.
 
@@ -165,7 +165,7 @@ def trained(
 
 
 def _levenberg(weights: Array, costs: Any, normal: Any) -> tuple[Array, int]:
-    """The weights with the least second cost on the way to the least first one, and the way."""
+    """Minimises the first cost; returns the weights with the least second cost on the way."""
     none = np.zeros_like(weights)
     best, least = none, float(costs(none)[1])
     cost, damping = float(costs(weights)[0]), 1.0
@@ -190,7 +190,7 @@ def _levenberg(weights: Array, costs: Any, normal: Any) -> tuple[Array, int]:
 
 
 def _heights(weights: Any, batch: Batch, extra: Array) -> Any:
-    """(M, F, 2) wall heights."""
+    """Simulates the wall heights (M, F, 2) of all motions with the network [m]."""
     frames = (batch.base.shape[1] - 1) // (2 * STEPS)
     one = jax.vmap(lambda *motion: _run(weights, jnp.asarray(batch.scale), *motion))
     states = one(batch.start, jnp.asarray(batch.base), jnp.asarray(extra))
@@ -198,7 +198,7 @@ def _heights(weights: Any, batch: Batch, extra: Array) -> Any:
 
 
 def _run(weights: Any, scale: Any, start: Any, base: Any, extra: Any) -> Any:
-    """(S, 4) states of one motion, by the classical Runge-Kutta method."""
+    """Integrates the states (S, 4) of one motion with the network by Runge-Kutta."""
 
     def step(state: Any, rows: Any) -> Any:
         first = _slope(weights, scale, state, *rows[0])
@@ -225,7 +225,7 @@ def _slope(weights: Any, scale: Any, state: Any, base: Any, extra: Any) -> Any:
 
 
 def _network(weights: Any, values: Any) -> Any:
-    """(2,) [m/s²]: a direct linear part and one hidden layer."""
+    """Evaluates the network: an acceleration (2,) [m/s²] from a linear and a hidden layer."""
     values = jnp.concatenate([values, jnp.ones(1)])
     width = len(values)
     direct = weights[: 2 * width].reshape(2, width)
@@ -235,7 +235,7 @@ def _network(weights: Any, values: Any) -> Any:
 
 
 def _share(true: Array, before: Array, after: Array, noise: float) -> float | None:
-    """Of the gap in the maximum height, that is closed; None: none that such noise would show."""
+    """Returns the removed share of the maximum height's error; None if noise would hide it."""
     shown = np.isfinite(true[..., 0])
     size = np.linalg.norm(true, axis=-1)[shown]
     rms = [

@@ -1,4 +1,4 @@
-"""Answers as lines of JSON: what is there is not asked again."""
+"""Stores results as lines of JSON, so that finished cases are not run again."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Row = dict[str, Any]
 
 
 def read(path: Path) -> dict[str, Row]:
-    """The rows of a file by case; half a line at its end does not count."""
+    """Reads the results of a file by test case; ignores an incomplete last line."""
     rows: dict[str, Row] = {}
     if not path.exists():
         return rows
@@ -24,7 +24,7 @@ def read(path: Path) -> dict[str, Row]:
 
 
 def add(path: Path, row: Row) -> None:
-    """One more line."""
+    """Appends one result to a file."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a") as file:
         file.write(json.dumps(row) + "\n")

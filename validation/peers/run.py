@@ -1,4 +1,4 @@
-"""Asks every method every chosen case that it was not asked yet."""
+"""Runs every method on every selected test case for which the result is missing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from validation.peers.tune import Tuned, tune
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """All rows, by case.
+    """All results by test case, with the tuned settings of the regressions.
 
     Attributes:
         tuned: settings of the regressions.
@@ -29,7 +29,7 @@ class Answers:
 
 
 def run(folder: Path, rounds: int, networks: int) -> None:
-    """Runs what is missing in the folder.
+    """Runs the missing cases of all methods and stores the results in a folder.
 
     Args:
         folder: of the rows.
@@ -45,7 +45,7 @@ def run(folder: Path, rounds: int, networks: int) -> None:
 
 
 def known(folder: Path) -> Answers:
-    """What the folder holds; the discovery's answers are those to cases that the others have."""
+    """Reads the results in a folder; the discovery's only for cases of the other methods."""
     tuned = tune([], folder / "tuning.jsonl")
     regressions = rows.read(folder / "regressions.jsonl")
     discovery = rows.read(folder / "discovery.jsonl")

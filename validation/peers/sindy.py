@@ -1,4 +1,4 @@
-"""PySINDy's answers: sequential thresholding, its ensemble, SINDy-PI, the weak form."""
+"""Runs PySINDy's methods: thresholded least squares, ensemble, SINDy-PI and weak form."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NARROW = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
-    """What a method says of a case.
+    """The coefficients of the equation terms that a method finds for a test case.
 
     Attributes:
         coefficients: (TERMS,) 0 where a term is not in the support.
@@ -44,31 +44,31 @@ class Answer:
 
     @property
     def support(self) -> tuple[str, ...]:
-        """The terms that are said."""
+        """Names of the terms with non-zero coefficients."""
         return tuple(np.array(TERMS)[self.coefficients != 0.0].tolist())
 
 
 class Data:
-    """A case at a noise, as problems; each is made once."""
+    """A test case with a given noise, as regression problems that are computed once."""
 
     def __init__(self, motions: Sequence[Latent], noise: float, seed: int) -> None:
         self._motions, self._noise, self._seed = motions, noise, seed
         self._made: dict[tuple[str, ...], Any] = {}
 
     def strong(self, window: float) -> Problem:
-        """Compressed: methods of least squares need no more."""
+        """Returns the pointwise regression problem, compressed to few rows."""
         return self.once(
             lambda: strong(self._signals(window)).compressed(), "strong", window=window
         )
 
     def weak(self, half_width: float) -> Problem:
-        """By rows."""
+        """Returns the regression problem in weak form, with all rows."""
         return self.once(
             lambda: weak(self._signals(NARROW), half_width, self._seed), "weak", width=half_width
         )
 
     def once(self, make: Callable[[], T], what: str, **settings: float) -> T:
-        """What is made of a case under these settings; the second time as the first."""
+        """Returns a value for given settings; computes it only the first time."""
         key = (what, *map(str, settings.items()))
         if key not in self._made:
             self._made[key] = make()
@@ -80,17 +80,17 @@ class Data:
 
 
 def stlsq(data: Data, settings: Settings) -> Answer:
-    """Sequentially thresholded least squares at the samples."""
+    """Fits the terms by sequentially thresholded least squares, pointwise."""
     return _thresholded(data.strong(settings["window"]), settings)
 
 
 def weak_form(data: Data, settings: Settings) -> Answer:
-    """The same over test functions."""
+    """Fits the terms by sequentially thresholded least squares in weak form."""
     return _thresholded(data.weak(settings["half_width"]).compressed(), settings)
 
 
 def ensemble(data: Data, settings: Settings) -> Answer:
-    """Bagged STLSQ of the weak form; in the support is what enough of the models have."""
+    """Fits an ensemble of weak-form models; keeps the terms that enough of them have."""
     width, threshold = settings["half_width"], settings["threshold"]
     problem = data.weak(width)
     share = data.once(
@@ -102,7 +102,7 @@ def ensemble(data: Data, settings: Settings) -> Answer:
 
 
 def _shares(problem: Problem, threshold: float) -> Array:
-    """(K,) share of the ensemble's models that have a term."""
+    """Returns the share (K,) of the ensemble's models that have each term."""
     state = np.random.get_state()  # noqa: NPY002
     np.random.seed(0)  # noqa: NPY002 - PySINDy draws its bags by the global generator
     single = ps.STLSQ(threshold, RIDGE * len(problem.target))
@@ -114,7 +114,7 @@ def _shares(problem: Problem, threshold: float) -> Array:
 
 
 def sindy_pi(data: Data, settings: Settings) -> Answer:
-    """SINDy-PI's sparse regression of the residual on the terms, small weights left out.
+    """Fits the terms by SINDy-PI's sparse regression, without small weights.
 
     Terms with q̈ are in the library, as in every method; the left side is the residual.
     """
@@ -125,7 +125,7 @@ def sindy_pi(data: Data, settings: Settings) -> Answer:
 
 
 def _lasso(problem: Problem, weight: float) -> Array:
-    """(K,) weights of the terms with the residual as the left side."""
+    """Returns the weights (K,) of the terms by SINDy-PI, with the residual as left side."""
     both = np.column_stack([problem.columns, problem.target])
     left = both.shape[1] - 1
     optimizer = SINDyPI(reg_weight_lam=weight, tol=1e-8, model_subset=[left])
@@ -142,7 +142,7 @@ def _thresholded(problem: Problem, settings: Settings) -> Answer:
 
 
 def _refitted(problem: Problem, kept: NDArray[np.bool_]) -> Answer:
-    """Least squares on a support."""
+    """Fits the selected terms again by plain least squares."""
     weights = np.zeros(len(kept))
     if kept.any():
         weights[kept] = np.linalg.lstsq(problem.columns[:, kept], problem.target, rcond=None)[0]
@@ -173,7 +173,7 @@ RANGES: Mapping[str, Mapping[str, tuple[float, ...]]] = {
 
 
 def grid(method: str) -> list[dict[str, float]]:
-    """Every combination of a method's settings."""
+    """Returns every combination of a method's settings."""
     names = list(RANGES[method])
     return [
         dict(zip(names, values, strict=True))

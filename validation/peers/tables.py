@@ -1,4 +1,4 @@
-"""The answers as Markdown tables, with counts."""
+"""Formats the results of all methods as Markdown tables with counts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CONFIDENCES = (0.5, 0.8, 0.95, 1.0 + 1e-9)
 
 
 def overview(answers: Answers) -> str:
-    """One line for each method and noise."""
+    """Formats the results by method and noise as a table."""
     lines = []
     for title, noise, rows in _columns(answers):
         single = [row for row in rows if row["kind"] == "single"]
@@ -50,7 +50,7 @@ def overview(answers: Answers) -> str:
 
 
 def by_effect(answers: Answers) -> str:
-    """One line for each effect; exact answers of each method."""
+    """Formats the number of exact results by hidden effect and method as a table."""
     columns = _columns(answers)
     lines = []
     for effect in EXPRESSIBLE:
@@ -61,7 +61,7 @@ def by_effect(answers: Answers) -> str:
 
 
 def reliability(answers: Answers) -> str:
-    """Every effect named with a confidence, by that confidence: how often it was right."""
+    """Formats stated confidences against the rate of right effects as a table."""
     lines = []
     for title, noise, rows in _columns(answers):
         if title not in ("ensemble", OURS):
@@ -83,7 +83,7 @@ def reliability(answers: Answers) -> str:
 
 
 def networks(answers: Answers) -> str:
-    """One line for each case of the network; shares of the gap closed on held-out motions."""
+    """Formats the error shares that networks remove on held-out motions as a table."""
     lines = []
     for case, row in answers.networks.items():
         regression = answers.regressions.get(case)
@@ -116,7 +116,7 @@ TABLES: dict[str, Callable[[Answers], str]] = {
 
 
 def _columns(answers: Answers) -> list[tuple[str, str, list[Row]]]:
-    """Method, noise and rows, all of the same keys."""
+    """Returns method, noise and results for each column of the tables."""
     found: list[tuple[str, str, list[Row]]] = [
         (
             method,
@@ -133,7 +133,7 @@ def _columns(answers: Answers) -> list[tuple[str, str, list[Row]]]:
 
 
 def _ours(row: Row) -> Row:
-    """A row of the discovery in the peers' words; exact is what its own page calls right."""
+    """Converts a result of the discovery to the form of the other methods' results."""
     confidence = {each["name"]: each["confidence"] for each in row["found"]}
     wrong = sorted(set(confidence) - set(row["hidden"]))
     return {**row, "exact": row["right"], "false": wrong, "confidence": confidence}
@@ -153,7 +153,7 @@ def _median(rows: Iterable[Row]) -> str:
 
 
 def _percent(value: float | None) -> str:
-    """A share; what makes a gap larger than it was is below zero and not told by how much."""
+    """Formats a share in percent; negative shares become '< 0', unknown ones '-'."""
     if value is None:
         return "-"
     return f"{100.0 * value:.0f} %" if value >= 0.0 else "< 0"

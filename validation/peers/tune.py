@@ -1,4 +1,4 @@
-"""Settings of each sparse regression, chosen on cases that are not reported."""
+"""Tunes the settings of each sparse regression on test cases that are not reported."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ Tuned = Mapping[str, Mapping[str, Mapping[str, float]]]
 
 
 def label(noise: float) -> str:
-    """A noise as a key of JSON."""
+    """Formats a noise in mm as a JSON key."""
     return f"{1e3 * noise:g} mm"
 
 
 def tune(jobs: list[Job], path: Path) -> Tuned:
-    """By noise and method the settings with most exact answers, then fewest false names.
+    """Returns, by noise and method, the settings with the most exact results.
 
     Args:
         jobs: tuning cases to run first.
@@ -39,7 +39,7 @@ def tune(jobs: list[Job], path: Path) -> Tuned:
 
 
 def _tried(job: Job) -> rows.Row:
-    """By noise and method: [exact, false names] of every setting of the grid."""
+    """Returns, by noise and method, exactness and false effects for every setting."""
     case = case_of(job)
     fit, _ = oracle(case)
     hidden = set(case.hidden)

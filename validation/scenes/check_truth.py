@@ -1,4 +1,4 @@
-"""Compares ray-traced sequences, made here or elsewhere, with this folder's geometry.
+"""Compares the exact heights in ray-traced sequences with this folder's geometry.
 
 check_truth.py DIR [--edges N] [--masks N]: DIR is a sequence or holds some (each with a
 truth.json). Every field that follows from the surface and the camera is computed anew from the
@@ -43,7 +43,7 @@ LIMITS = {"m": 1e-7, "px": 0.05, "deg": 0.01, "masks": 0.005, "mean": 0.25, "col
 
 
 def scene_of(truth: dict[str, Any]) -> Scene:
-    """The scene (cup and camera alone) that a truth.json describes."""
+    """Returns the scene (cup and camera only) that a truth.json describes."""
     camera = truth["camera"]
     x, y, z = (1e3 * v for v in camera["centre_in_cup"])
     rotation = np.array(camera["R_cup2cam"])
@@ -73,7 +73,7 @@ def scene_of(truth: dict[str, Any]) -> Scene:
 
 
 def view_of_truth(truth: dict[str, Any]) -> View:
-    """The camera and cup that a truth.json gives, taken literally."""
+    """Returns the camera's view with exactly the numbers of a truth.json."""
     camera = truth["camera"]
     return View(
         np.array(camera["R_cup2cam"]),
@@ -90,14 +90,14 @@ def view_of_truth(truth: dict[str, Any]) -> View:
 
 
 def wave_of(frame: dict[str, Any], radius: float) -> Wave:
-    """The surface that a frame's entry describes."""
+    """Returns the liquid's surface that a frame's entry in truth.json describes."""
     phi, phi2 = math.radians(frame["phi"]), math.radians(frame["phi2"])
     second = (frame.get("A20", 0.0), frame.get("A22", 0.0))
     return Wave(radius, frame["A1"], phi, frame["A2"], phi2, *second)
 
 
 def compare(truth: dict[str, Any]) -> tuple[dict[str, float], list[str]]:
-    """The largest difference per field, and the frames where words or nulls differ."""
+    """Returns the largest difference per field, and the frames whose texts or nulls differ."""
     view = view_of_truth(truth)
     worst: dict[str, float] = {}
     notes = []
@@ -132,7 +132,7 @@ def compare(truth: dict[str, Any]) -> tuple[dict[str, float], list[str]]:
 
 
 def compare_masks(truth: dict[str, Any], folder: Path, count: int) -> tuple[float, list[str]]:
-    """The largest share of liquid pixels whose class differs, and frames whose fields differ."""
+    """Returns the largest share of differing liquid pixels, and frames with other fields."""
     scene = scene_of(truth)
     rotation, _ = axes(scene.camera)
     if not np.allclose(rotation, truth["camera"]["R_cup2cam"], atol=1e-6):
@@ -156,7 +156,7 @@ def compare_masks(truth: dict[str, Any], folder: Path, count: int) -> tuple[floa
 
 
 def edge_gaps(view: View, wave: Wave, mask: NDArray[np.uint8], rear: bool) -> Array:
-    """By how many rows (px, downwards positive) a mask's line lies off the wall's line.
+    """Returns by how many rows [px] a mask's line lies below the projected wall line.
 
     Args:
         view: camera and cup.
@@ -187,7 +187,7 @@ def edge_gaps(view: View, wave: Wave, mask: NDArray[np.uint8], rear: bool) -> Ar
 
 
 def _top_of_run(there: NDArray[np.bool_], row: float) -> float:
-    """Upper edge of the run of pixels that reaches below `row`; NaN: there is none."""
+    """Returns the upper edge of the mask's pixel run below a row; NaN if there is none."""
     start = math.ceil(row) + BELOW
     if not there[start]:
         return math.nan
@@ -196,7 +196,7 @@ def _top_of_run(there: NDArray[np.bool_], row: float) -> float:
 
 
 def compare_edges(truth: dict[str, Any], folder: Path, count: int) -> dict[str, float]:
-    """Mean and largest gap (px) between the stored masks' lines and the wall's line."""
+    """Returns mean and largest distance [px] of mask lines from the projected wall line."""
     view = view_of_truth(truth)
     frames = truth["frames"]
     chosen = frames[:: max(1, len(frames) // count)]
@@ -219,11 +219,15 @@ def compare_edges(truth: dict[str, Any], folder: Path, count: int) -> dict[str, 
 
 
 def main() -> int:
-    """Reads the command line; returns 1 if a difference is beyond its limit."""
+    """Compares the sequences; returns 1 if a difference exceeds its limit."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--edges", type=int, default=0, help="masks to compare with the geometry")
-    parser.add_argument("--masks", type=int, default=0, help="masks to render per sequence")
+    parser.add_argument(
+        "--edges", type=int, default=0, help="number of stored masks to compare with the geometry"
+    )
+    parser.add_argument(
+        "--masks", type=int, default=0, help="number of masks to render again per sequence"
+    )
     args = parser.parse_args()
     files = sorted([*args.folder.glob("truth.json"), *args.folder.glob("*/truth.json")])
     if not files:

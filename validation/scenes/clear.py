@@ -1,4 +1,4 @@
-"""Scenes whose liquid hardly tells itself from what is behind it, drawn at random by a seed.
+"""Random scenes whose liquid looks nearly like its background.
 
 Clear liquids that take from 2 to 50 % of the light, tea, and labels over the line: the first
 before boards with shelves, posters and patterns, some of which move; those from PLAIN on before
@@ -23,7 +23,7 @@ _LABELLED = ("blue", "dark", "red", "tea")
 
 
 def clear() -> list[Scene]:
-    """Short sequences of small images."""
+    """Returns the scenes: short sequences of small images."""
     return [_scene(index) for index in range(SCENES)]
 
 
@@ -65,7 +65,7 @@ def _scene(index: int) -> Scene:
 
 
 def _from_slightly_above(rng: np.random.Generator, camera: Camera, cup: Cup) -> Camera:
-    """The camera, moved to where the still level's two lines are seen well."""
+    """Moves the camera so that front and rear contact line at rest are well visible."""
     height = camera.distance * math.tan(math.radians(float(rng.uniform(3.0, 10.0))))
     aim = 0.5 * (cup.rim - cup.fill) + float(rng.uniform(-10.0, 10.0))
     pitch = math.degrees(math.atan2(height - aim, camera.distance))
@@ -73,7 +73,7 @@ def _from_slightly_above(rng: np.random.Generator, camera: Camera, cup: Cup) -> 
 
 
 def _plain(rng: np.random.Generator, room: Room) -> Room:
-    """The room with a light board and a dark table, and nothing else."""
+    """Returns the room with only a light board and a dark table."""
     light, dark = float(rng.uniform(0.4, 0.75)), float(rng.uniform(0.04, 0.2))
     return replace(
         room,
@@ -88,7 +88,7 @@ def _plain(rng: np.random.Generator, room: Room) -> Room:
 
 
 def _liquid(rng: np.random.Generator, kind: str, diameter: float) -> tuple[Liquid, str]:
-    """The liquid of a kind, in a container of a diameter [m], and in words what it is."""
+    """Draws a liquid of a kind for a container diameter [m]; returns it and its description."""
     if kind == "tea":
         strength = float(rng.uniform(0.4, 1.3))
         red, green, blue = LIQUIDS["tea"].absorption
@@ -105,7 +105,7 @@ def _liquid(rng: np.random.Generator, kind: str, diameter: float) -> tuple[Liqui
 
 
 def _room(rng: np.random.Generator) -> tuple[Room, list[str]]:
-    """A board with something on it behind a table, and in words what."""
+    """Draws a background with objects; returns it and its description."""
     wall = float(rng.uniform(0.25, 0.75)) * rng.uniform(0.9, 1.1, 3)
     table = float(rng.choice([0.06, 0.2, 0.5])) * rng.uniform(0.9, 1.1, 3)
     texture = float(rng.choice([0.0, 0.0, 0.1]))

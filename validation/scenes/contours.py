@@ -1,4 +1,4 @@
-"""Scenes of two cups, a bowl and a bottle from the side, drawn at random by a number.
+"""Random scenes with side views of two kinds of cup, a bowl and a bottle.
 
 Scenes of even number are for tuning, those of odd number for the report. The surface is the first
 mode of the container's own, in any direction; the truth is where it meets the wall.
@@ -33,12 +33,12 @@ _LIQUIDS = {
 
 
 def contours() -> list[Scene]:
-    """The scenes."""
+    """Returns all scenes."""
     return [contour(index) for index in range(COUNT)]
 
 
 def contour(index: int) -> Scene:
-    """The scene of a number."""
+    """Returns the scene with a number, which is the random seed."""
     rng = np.random.default_rng(9000 + index)
     kind = KINDS[(index // 2) % len(KINDS)]
     cup = draw_cup(rng, kind)
@@ -67,7 +67,7 @@ def contour(index: int) -> Scene:
 
 
 def draw_cup(rng: np.random.Generator, kind: str) -> Cup:
-    """A container of a kind, of random dimensions."""
+    """Draws a container of a kind with random dimensions."""
     size, fill = rng.uniform(0.85, 1.15), rng.uniform(0.85, 1.15)
     made: dict[str, dict[str, Any]] = {
         "paper cup": {"shape": "frustum", "bottom_radius": 0.028, "top_radius": 0.041,
@@ -97,7 +97,7 @@ def draw_cup(rng: np.random.Generator, kind: str) -> Cup:
 
 
 def revolved(container: dict[str, Any]) -> RevolvedContainer:
-    """The container of a model file's section."""
+    """Returns the container that a model file's container section describes."""
     found = parse_model(yaml.safe_dump({"container": container})).container
     assert isinstance(found, RevolvedContainer)
     return found
@@ -105,7 +105,7 @@ def revolved(container: dict[str, Any]) -> RevolvedContainer:
 
 @dataclass(frozen=True)
 class ContourWave:
-    """The first mode on a body of revolution.
+    """The first sloshing mode's surface in a body of revolution.
 
     Attributes:
         radius: of the still surface, m.
@@ -124,11 +124,11 @@ class ContourWave:
 
     @property
     def reach(self) -> float:
-        """Radius up to which the surface is drawn, m."""
+        """Radius up to which the surface is drawn [m]."""
         return float(self.radii.max())
 
     def height(self, r: Array, azimuth: Array) -> Array:
-        """Surface height (m) at radius `r` (m) and `azimuth` (rad), broadcast."""
+        """Returns the surface height [m] at radius `r` [m] and `azimuth` [rad]."""
         r = np.asarray(r)
         slope = (self.shape[-1] - self.shape[-3]) / (self.places[-1] - self.places[-3])
         inside = np.interp(r, self.places, self.shape)
@@ -136,7 +136,7 @@ class ContourWave:
         return np.asarray(self.a1 * (inside + slope * beyond) * np.cos(azimuth - self.phi))
 
     def wall(self, azimuth: Array | float) -> Array:
-        """Height (m) at which the surface meets the wall at `azimuth` (rad)."""
+        """Returns the height [m] at which the surface meets the wall at `azimuth` [rad]."""
         azimuth = np.asarray(azimuth)
         found = self.height(np.asarray(self.radius), azimuth)
         for _ in range(60):
@@ -144,13 +144,13 @@ class ContourWave:
         return found
 
     def peak(self) -> tuple[float, float]:
-        """Maximum of the wall's height (m) and its azimuth (rad)."""
+        """Returns the maximum height on the wall [m] and its azimuth [rad]."""
         azimuth = math.atan2(math.sin(self.phi), math.cos(self.phi))
         return float(self.wall(azimuth)), azimuth
 
 
 def contour_wave(scene: Scene, a1: float, phi: float) -> ContourWave:
-    """The surface of a scene with an amplitude (m) towards an azimuth (rad)."""
+    """Returns a scene's surface with an amplitude [m] in the direction of an azimuth [rad]."""
     body = revolved(scene.cup.container)
     places, shape = body.surface_shape(1)
     wall = body.wall
@@ -161,7 +161,7 @@ def contour_wave(scene: Scene, a1: float, phi: float) -> ContourWave:
 
 
 def frame_truth(wave: ContourWave) -> dict[str, Any]:
-    """What follows from the surface alone: heights on the wall."""
+    """Returns the exact heights on the wall, for a frame's entry in truth.json."""
     height, azimuth = wave.peak()
     return {
         "MSH": height,
@@ -173,7 +173,7 @@ def frame_truth(wave: ContourWave) -> dict[str, Any]:
 
 
 def header(scene: Scene, view: View) -> dict[str, Any]:
-    """What holds for the whole sequence."""
+    """Returns the data in truth.json that hold for the whole sequence."""
     cup, camera = scene.cup, scene.camera
     return {
         "sequence": scene.name, "about": scene.about, "units": "m, s, deg, px",

@@ -1,4 +1,4 @@
-"""What a scene is made of, and the scenes. Lengths in millimetres unless a name says otherwise."""
+"""Data types of rendered scenes, and the scenes; lengths in mm unless noted."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Cup:
 
 @dataclass(frozen=True)
 class Liquid:
-    """A liquid that absorbs (per metre, red green blue) and scatters at its surface.
+    """A liquid that absorbs light (per metre, red green blue) and scatters at its surface.
 
     Attributes:
         absorption: absorption coefficients, 1/m.
@@ -75,7 +75,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Photo:
-    """What happens between light and file: linear gain, noise, blur, JPEG.
+    """Camera properties between light and file: gain, noise, blur, JPEG, rolling shutter.
 
     Attributes:
         hunting: relative amplitude with which an automatic exposure changes the gain.
@@ -95,7 +95,7 @@ class Photo:
 
 @dataclass(frozen=True)
 class Room:
-    """Background board, table and light; colours linear.
+    """Background board, table and illumination of a scene, in linear colours.
 
     Attributes:
         wall: colour of the board behind the cup; `things` shows blurred objects before it.
@@ -125,7 +125,7 @@ class Room:
 
 @dataclass(frozen=True)
 class Label:
-    """A paper label on the outer wall, centred at (azimuth deg, z)."""
+    """A paper label on the outer wall, centred at an azimuth [deg] and height z [mm]."""
 
     azimuth: float
     z: float
@@ -135,7 +135,7 @@ class Label:
 
 @dataclass(frozen=True)
 class Motion:
-    """How the surface moves.
+    """How the liquid's surface moves in a scene: direction, amplitude and modes.
 
     Attributes:
         kind: "rotating" or "planar".
@@ -157,7 +157,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Scene:
-    """All of it."""
+    """A complete scene: cup, liquid, camera, room and the surface's motion."""
 
     name: str
     about: str

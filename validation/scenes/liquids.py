@@ -1,4 +1,4 @@
-"""Liquids of the packaging trade in one and the same scene: what the detector can measure of each.
+"""Scenes with different packaged liquids, otherwise equal, for testing the detector.
 
 Only the liquid differs, or what stands between it and the camera: a label over the still line, a
 bottle that is smudged all over.
@@ -33,7 +33,7 @@ _LIQUIDS = {
 
 
 def liquids() -> list[Scene]:
-    """One scene for each, and those with something in between."""
+    """Returns one scene for each liquid, and scenes with a label or a smudged wall."""
     plain = [
         replace(_SCENE, name=f"liquid_{name}", about=about, liquid=liquid)
         for name, (about, liquid) in _LIQUIDS.items()

@@ -1,4 +1,4 @@
-"""Where a camera sees points of a cup's inner wall, through the refracting glass.
+"""Computes where a camera sees points of a cup's inner wall through refracting glass.
 
 A ray that crosses coaxial cylinders keeps two numbers: the vertical component of its optical
 direction, and its optical angular momentum about the axis. With these two as unknowns the path
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class View:
-    """A camera and a cup; lengths in metres, angles in radians.
+    """A camera and a glass cup; lengths in metres, angles in radians.
 
     Attributes:
         rotation, translation: X_cam = rotation X_cup + translation.
@@ -46,21 +46,21 @@ class View:
 
     @property
     def position(self) -> Array:
-        """The camera's centre in the cup's frame."""
+        """Position of the camera's centre in the cup's frame [m]."""
         return np.asarray(-self.rotation.T @ self.translation)
 
     @property
     def distance(self) -> float:
-        """Horizontal distance of the camera from the cup's axis."""
+        """Horizontal distance of the camera from the cup's axis [m]."""
         return float(np.hypot(self.position[0], self.position[1]))
 
     @property
     def azimuth(self) -> float:
-        """Azimuth at which the camera stands."""
+        """Azimuth of the camera about the cup's axis [rad]."""
         return float(math.atan2(self.position[1], self.position[0]))
 
     def project(self, point: Array) -> tuple[float, float] | None:
-        """Pixel of a point (cup frame) seen along a straight line; None behind the camera."""
+        """Returns the pixel of a point without refraction; None if it is behind the camera."""
         x, y, z = self.rotation @ np.asarray(point, dtype=float) + self.translation
         if z <= 0:
             return None
@@ -72,27 +72,27 @@ class View:
         )
 
     def wall_point(self, azimuth: float, height: float) -> Array:
-        """The point of the inner wall at `azimuth` and `height`."""
+        """Returns the point of the inner wall at `azimuth` [rad] and `height` [m]."""
         return np.array([self.radius * math.cos(azimuth), self.radius * math.sin(azimuth), height])
 
     def contains(self, pixel: tuple[float, float]) -> bool:
-        """Whether a pixel lies in the image (pixel centres are whole numbers)."""
+        """Whether a pixel lies in the image; pixel centres are whole numbers."""
         return -0.5 <= pixel[0] < self.size[0] - 0.5 and -0.5 <= pixel[1] < self.size[1] - 0.5
 
     def tangents(self) -> tuple[float, float]:
-        """Azimuths where straight lines from the camera touch the inner wall: left, right."""
+        """Azimuths [rad] where straight lines from the camera touch the inner wall (2,)."""
         half = math.acos(self.radius / self.distance)
         return wrap(self.azimuth - half), wrap(self.azimuth + half)
 
     def edges(self) -> tuple[float, float]:
-        """Inner-wall azimuths seen at the cup's apparent edges: left, right."""
+        """Azimuths [rad] of the inner wall seen at the cup's visible edges: left, right."""
         outer = self.radius + self.wall
         half = math.acos(outer / self.distance)
         half += math.asin(outer / (self.index * self.radius)) - math.asin(1 / self.index)
         return wrap(self.azimuth - half), wrap(self.azimuth + half)
 
     def project_refracted(self, azimuth: float, height: float) -> tuple[float, float] | None:
-        """Pixel of a point of the inner wall seen through the glass, None if no ray reaches it.
+        """Returns the pixel of an inner wall point seen through the glass; None if no ray hits it.
 
         Points between the apparent edges are taken as front wall (glass only), others as rear
         wall (front glass, then air).
@@ -105,7 +105,7 @@ class View:
         return self.project(self.position + direction)
 
     def seen(self, azimuth: float, height: float) -> tuple[float, float] | None:
-        """Pixel of a point of the inner wall: through the glass, or over the front rim."""
+        """Returns the pixel of an inner wall point, through the glass or over the front rim."""
         point = self.wall_point(azimuth, height)
         if self._is_rear(azimuth) and self._crosses_front_at(point) > self.rim:
             return self.project(point)
@@ -116,7 +116,7 @@ class View:
         return abs(wrap(azimuth - self.azimuth)) > abs(wrap(left - self.azimuth))
 
     def _crosses_front_at(self, point: Array) -> float:
-        """Height at which the straight line from a wall point to the camera leaves the bore."""
+        """Returns the height [m] where the line from a wall point to the camera leaves the cup."""
         towards = self.position - point
         flat = towards[:2]
         # The other intersection of the line with the circle through the point.
@@ -124,7 +124,7 @@ class View:
         return float(point[2] + share * towards[2])
 
     def _direction(self, turn: float, rise: float, rear: bool) -> Array | None:
-        """Direction from the camera of the ray that arrives `turn` further and `rise` higher."""
+        """Returns the direction from the camera of the ray with given azimuth turn and rise."""
 
         def excess(vertical: float) -> float:
             momentum = self._momentum(turn, vertical, rear)
@@ -143,7 +143,7 @@ class View:
         return np.array([horizontal * math.cos(angle), horizontal * math.sin(angle), vertical])
 
     def _momentum(self, turn: float, vertical: float, rear: bool) -> float | None:
-        """Angular momentum of the ray of vertical part `vertical` that arrives at `turn`."""
+        """Returns the angular momentum of the ray that arrives at azimuth `turn`."""
         air = math.sqrt(1 - vertical**2)
         limit = air * (self.radius if rear else self.radius + self.wall) * (1 - 1e-12)
 
@@ -158,7 +158,7 @@ class View:
         return float(brentq(miss, -limit, limit, xtol=1e-16))
 
     def _path(self, momentum: float, vertical: float, rear: bool) -> tuple[float, float]:
-        """Azimuth swept and height gained from the camera to the inner wall."""
+        """Returns a ray's azimuth change [rad] and rise [m] from the camera to the inner wall."""
         legs = [
             (1.0, self.distance, self.radius + self.wall),
             (self.index, self.radius + self.wall, self.radius),
@@ -179,7 +179,7 @@ class View:
 
 
 def _root(excess: Callable[[float], float], guess: float) -> float | None:
-    """Where an increasing function is zero: close to the guess, or where it is found farther."""
+    """Returns the zero of an increasing function near a guess, or None."""
     for reach, count in ((0.04, 2), (0.35, 41)):
         samples = np.clip(guess + np.linspace(-reach, reach, count), -0.95, 0.95)
         values = [excess(float(sample)) for sample in samples]
@@ -190,7 +190,7 @@ def _root(excess: Callable[[float], float], guess: float) -> float | None:
 
 
 def wrap(angle: float) -> float:
-    """An angle moved into (-pi, pi]."""
+    """Returns the equivalent angle in (-π, π] [rad]."""
     return math.atan2(math.sin(angle), math.cos(angle))
 
 

@@ -1,4 +1,4 @@
-"""Writes a scene in POV-Ray's language and runs POV-Ray. Lengths in millimetres, linear light.
+"""Describes a scene in POV-Ray's language and renders it; lengths in mm, linear light.
 
 The glass is one solid that contains the liquid; a film of glass (FILM thick) lies over the free
 surface. So each ray crosses exactly one boundary at a time with the true index on both sides,
@@ -27,11 +27,11 @@ Image = NDArray[np.float32]
 
 
 class RenderError(Exception):
-    """POV-Ray did not deliver."""
+    """Error of a failed POV-Ray run."""
 
 
 def surface_mesh(wave: Surface, top: float, meniscus: float = 0.0) -> str:
-    """A closed mesh (mm) of the space above the surface, which climbs at the wall, to `top`."""
+    """Returns a closed mesh of the space from the liquid's surface up to `top` [mm]."""
     radius = 1e3 * wave.reach
     angles = np.arange(SECTORS) * 2 * math.pi / SECTORS
     near = 1 - np.geomspace(0.3, 12.0, 12 if meniscus else 0) / radius
@@ -88,7 +88,7 @@ def _vectors(rows: NDArray[np.float64]) -> str:
 
 
 def axes(camera: Camera) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Rotation cup to camera (OpenCV axes in its rows) and the camera's centre (mm)."""
+    """Returns rotation cup to camera (rows are OpenCV's axes), and the camera's centre [mm]."""
     az, pitch, roll = (math.radians(v) for v in (camera.azimuth, camera.pitch, camera.roll))
     forward = np.array(
         [
@@ -112,7 +112,7 @@ def _vec(values: Colour | NDArray[np.float64]) -> str:
 
 
 def _camera(camera: Camera, size: tuple[int, int]) -> str:
-    """A camera of `size` pixels with the same focal length and principal point in its middle."""
+    """Returns a camera of `size` pixels with the principal point in the middle, as text."""
     rotation, centre = axes(camera)
     right, down, forward = rotation
     return (
@@ -136,7 +136,7 @@ def _cup(scene: Scene, glass: str, liquid: str, liquid_top: str, drops: str) -> 
 
 
 def _solids(cup: Cup) -> tuple[str, str, str]:
-    """The bore up to above the rim, the whole cup, and the bore that takes a texture."""
+    """Returns texts of three solids: the inside, the whole cup, and the textured inside."""
     floor, high, depth = -cup.fill, cup.rim + 5, cup.rim + 1
     if not cup.profile:
         at = "{:.4f},{:.4f}".format(*cup.eccentricity)
@@ -156,7 +156,7 @@ def _solids(cup: Cup) -> tuple[str, str, str]:
 
 
 def outer_profile(inner: NDArray[np.float64], wall: float, base: float) -> NDArray[np.float64]:
-    """The outside of a profile (N, 2): its wall moved outwards by `wall`, down to a foot."""
+    """Returns the outside of an inner profile (N, 2): the wall moved outwards, with a foot."""
     lengths = np.append(0.0, np.cumsum(np.hypot(*np.diff(inner, axis=0).T)))
     fine = np.linspace(0.0, lengths[-1], 160)
     inner = np.column_stack([np.interp(fine, lengths, column) for column in inner.T])
@@ -171,7 +171,7 @@ def outer_profile(inner: NDArray[np.float64], wall: float, base: float) -> NDArr
 
 
 def _lathe(points: NDArray[np.float64], texture: str = "") -> str:
-    """A solid about z of a profile that begins and ends at the axis."""
+    """Returns a solid of revolution with a given profile as POV-Ray text."""
     closed = np.vstack([points, points[:1]])
     rows = ",".join(f"<{max(r, 0.0):.5f},{z:.5f}>" for r, z in closed)
     return f"lathe {{ linear_spline {len(closed)}, {rows} rotate <90,0,0> {texture} }}"
@@ -183,7 +183,7 @@ def _interior(scene: Scene) -> str:
 
 
 def _drops(scene: Scene) -> str:
-    """Flat bumps on the inner wall above the still level."""
+    """Returns droplets on the inner wall above the still level as POV-Ray text."""
     rng = np.random.default_rng(100 + scene.room.seed)
     parts = []
     for _ in range(scene.droplets):
@@ -199,7 +199,7 @@ def _drops(scene: Scene) -> str:
 
 
 def _dirt(scene: Scene) -> str:
-    """Half-clear smudges on the outer wall."""
+    """Returns half-transparent smudges on the outer wall as POV-Ray text."""
     rng = np.random.default_rng(200 + scene.room.seed)
     outer = scene.cup.radius + scene.cup.wall + 0.3
     parts = []
@@ -218,7 +218,7 @@ def _dirt(scene: Scene) -> str:
 
 
 def _glass_behind(scene: Scene, glass: str) -> str:
-    """A second glass on the table, with a liquid of its own."""
+    """Returns a second glass with liquid behind the cup as POV-Ray text."""
     if scene.room.glass_behind is None:
         return ""
     bottom, turn = -scene.cup.fill - scene.cup.base, scene.camera.azimuth + 90
@@ -261,7 +261,7 @@ def _label(scene: Scene, folder: Path) -> str:
 
 
 def paint_label(path: Path, aspect: float) -> None:
-    """A cream paper label with a few printed lines."""
+    """Writes an image of a cream paper label with a few printed lines."""
     high = 300
     image = np.full((high, max(8, round(high * aspect)), 3), (215, 232, 238), np.uint8)
     wide = image.shape[1]
@@ -272,7 +272,7 @@ def paint_label(path: Path, aspect: float) -> None:
 
 
 def to_srgb(linear: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Linear light in [0, 1] as 8-bit sRGB values."""
+    """Converts linear light in [0, 1] to 8-bit sRGB values."""
     clipped = np.clip(linear, 0, 1)
     encoded = np.where(
         clipped <= 0.0031308, 12.92 * clipped, 1.055 * np.power(clipped, 1 / 2.4) - 0.055
@@ -281,7 +281,7 @@ def to_srgb(linear: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def paint_board(scene: Scene, path: Path) -> None:
-    """The board behind the cup: its colour, blurred things before it, uneven light."""
+    """Writes an image of the board behind the cup, with blurred objects and uneven light."""
     room = scene.room
     rng = np.random.default_rng(room.seed)
     high, wide = 425, 650
@@ -306,7 +306,7 @@ def paint_board(scene: Scene, path: Path) -> None:
 
 
 def _hang_posters(scene: Scene, image: NDArray[np.float64]) -> None:
-    """Sheets on the part of the board (H, W, 3) that is seen behind the cup, in place."""
+    """Draws sheets on the visible part of the board's image (H, W, 3), in place."""
     room = scene.room
     rng = np.random.default_rng(300 + room.seed)
     high, wide = image.shape[:2]
@@ -319,14 +319,14 @@ def _hang_posters(scene: Scene, image: NDArray[np.float64]) -> None:
 
 
 def _pattern(rng: np.random.Generator, shape: tuple[int, int]) -> NDArray[np.float64]:
-    """Noise of spot sizes from 1 to 8 pixels, of unit standard deviation."""
+    """Returns noise with spots of 1 to 8 pixels and unit standard deviation."""
     layers = [cv2.GaussianBlur(rng.standard_normal(shape), (0, 0), s) for s in (1.0, 3.0, 8.0)]
     noise = sum(layer / layer.std() for layer in layers)
     return np.asarray(noise / np.std(noise))
 
 
 def paint_surroundings(scene: Scene, path: Path) -> None:
-    """What the cup reflects: walls, a ceiling, a window and a lamp, as a map over the sphere."""
+    """Writes a spherical image of what the cup reflects: walls, ceiling, window, lamp."""
     room = scene.room
     high, wide = 200, 400
     tone = np.linspace(1.15, 0.5, high)[:, None, None] * np.ones((1, wide, 1))
@@ -341,7 +341,7 @@ def paint_surroundings(scene: Scene, path: Path) -> None:
 
 
 def _surroundings(scene: Scene, shift: float) -> str:
-    """Board, table, sphere and lamps, turned so that the board stands behind the cup."""
+    """Returns board, table, surroundings and lamps as POV-Ray text."""
     room, cup = scene.room, scene.cup
     top = -cup.fill - cup.base - 0.2
     turn = scene.camera.azimuth + 90
@@ -368,7 +368,7 @@ def _surroundings(scene: Scene, shift: float) -> str:
 def photo_text(
     scene: Scene, wave: Surface, size: tuple[int, int], shift: float, folder: Path
 ) -> str:
-    """The scene for a photograph."""
+    """Returns the POV-Ray text of a scene as a camera photographs it."""
     liquid = scene.liquid
     look = (
         f"texture {{ pigment {{ rgb {_vec(liquid.colour)} transmit {1 - liquid.opacity} }} "
@@ -395,7 +395,7 @@ def photo_text(
 
 
 def mask_text(scene: Scene, wave: Surface, size: tuple[int, int]) -> str:
-    """The scene for a mask: red liquid through the wall, green free surface, blue floor."""
+    """Returns the POV-Ray text for a mask: red liquid, green free surface, blue floor."""
     flat = "finish { ambient 0 diffuse 0 emission 1 }"
     floor = -scene.cup.fill + 0.02
     side = (
@@ -421,7 +421,7 @@ def run(
     text: str, size: tuple[int, int], folder: Path, smooth: bool,
     rows: tuple[int, int] | None = None,
 ) -> Image:  # fmt: skip
-    """Renders `text` in `folder`; returns linear RGB in [0, 1], (H, W, 3).
+    """Renders POV-Ray text in `folder`; returns linear RGB in [0, 1], (H, W, 3).
 
     Args:
         text: the scene.

@@ -52,7 +52,7 @@ GROUPS = {
 
 
 def view_of(scene: Scene) -> View:
-    """The scene's camera and cup in metres."""
+    """Returns the scene's camera and cup, in metres."""
     rotation, centre = povray.axes(scene.camera)
     camera, cup = scene.camera, scene.cup
     return View(
@@ -73,7 +73,7 @@ def view_of(scene: Scene) -> View:
 
 
 def wave_at(scene: Scene, time: float, duration: float) -> Wave | contours.ContourWave:
-    """The surface at `time` (s): still in the first frames, then the amplitude rises."""
+    """Returns the surface at `time` [s]: still in the first frames, then growing waves."""
     motion, radius = scene.motion, scene.cup.radius * 1e-3
     start = scene.still_frames / motion.frame_rate - 0.02 * duration
     rise = min(1.0, max(0.0, (time - start) / (0.65 * (duration - start)))) ** 1.3
@@ -96,7 +96,7 @@ def wave_at(scene: Scene, time: float, duration: float) -> Wave | contours.Conto
 
 
 class Renderer:
-    """Renders one scene's frames and masks through its lens."""
+    """Renders the frames and masks of one scene with lens distortion."""
 
     def __init__(self, scene: Scene, folder: Path) -> None:
         self._scene, self._folder, self._view = scene, folder, view_of(scene)
@@ -106,7 +106,7 @@ class Renderer:
         povray.paint_surroundings(scene, folder / "around.png")
 
     def _lens(self) -> tuple[tuple[NDArray[np.float32], NDArray[np.float32]], tuple[int, int]]:
-        """Where each pixel lies in an undistorted picture, and that picture's size."""
+        """Returns each pixel's position in an undistorted image, and that image's size [px]."""
         view = self._view
         wide, high = view.size
         grid = np.stack(np.meshgrid(np.arange(wide), np.arange(high)), -1)
@@ -124,7 +124,7 @@ class Renderer:
     def photograph(
         self, surface: Callable[[float], Surface], times: list[float], shift: float
     ) -> NDArray[np.uint8]:
-        """The picture (BGR) that a camera takes.
+        """Renders the image (BGR) that a camera takes, with blur, noise and compression.
 
         Args:
             surface: the wave by time (s).
@@ -144,7 +144,7 @@ class Renderer:
         return povray.to_srgb(np.asarray(noisy, np.float64))[..., ::-1]
 
     def _instant(self, surface: Callable[[float], Surface], time: float, shift: float) -> Image:
-        """Linear light of one instant, or of one passage of a rolling shutter in strips."""
+        """Renders the linear light of one moment, in strips for a rolling shutter."""
         readout, high = self._scene.photo.readout_s, self._size[1]
         if not readout:
             return self._drawn(surface(time), shift, None)
@@ -161,7 +161,7 @@ class Renderer:
         return povray.run(text, self._size, self._folder, smooth=True, rows=rows)
 
     def mask(self, wave: Surface) -> NDArray[np.uint8]:
-        """Classes 0 nothing, 1 liquid through the wall, 2 free surface, 3 floor."""
+        """Renders the classes: 0 nothing, 1 liquid through the wall, 2 free surface, 3 floor."""
         text = povray.mask_text(self._scene, wave, self._size)
         drawn = povray.run(text, self._size, self._folder, smooth=False)
         colours = cv2.remap(drawn, *self._maps, cv2.INTER_NEAREST)
@@ -171,7 +171,7 @@ class Renderer:
 
 
 def render(scene: Scene, out: Path, *, masks: bool = True) -> None:
-    """Renders a scene into `out`; without masks it is not known what of the liquid is seen."""
+    """Renders a scene's images and truth.json; without masks, visibility stays unknown."""
     out.mkdir(parents=True, exist_ok=True)
     view = view_of(scene)
     contoured = bool(scene.cup.profile)
@@ -214,13 +214,15 @@ def render(scene: Scene, out: Path, *, masks: bool = True) -> None:
 
 
 def main() -> int:
-    """Reads the command line."""
+    """Lists or renders the scenes named on the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"scenes, or {', '.join(GROUPS)}")
     parser.add_argument("--list", action="store_true", help="list the scenes")
     parser.add_argument("-o", "--out", type=Path, help="folder for the sequences")
     parser.add_argument("--frames", type=int, help="frames per sequence")
-    parser.add_argument("--no-masks", action="store_true", help="photographs alone, in less time")
+    parser.add_argument(
+        "--no-masks", action="store_true", help="render only photographs, which takes less time"
+    )
     args = parser.parse_args()
     if args.list:
         for scene in SCENES.values():

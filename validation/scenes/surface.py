@@ -1,4 +1,4 @@
-"""The liquid's surface over the cup's cross-section: two sloshing modes and a second-order part.
+"""The liquid's surface over the cup: two sloshing modes and a second-order part.
 
 Heights are metres above the still level, azimuths radians from +x towards +y.
 """
@@ -25,19 +25,19 @@ GRAVITY = 9.81
 
 
 class Surface(Protocol):
-    """What is drawn of a surface."""
+    """Interface of a liquid surface that can be drawn."""
 
     @property
     def reach(self) -> float:
-        """Radius up to which it is drawn, m."""
+        """Radius up to which the surface is drawn [m]."""
 
     def height(self, r: Array, azimuth: Array) -> Array:
-        """Surface height (m) at radius `r` (m) and `azimuth` (rad), broadcast."""
+        """Returns the surface height [m] at radius `r` [m] and `azimuth` [rad]."""
 
 
 @dataclass(frozen=True)
 class Wave:
-    """One instant of the surface.
+    """The liquid's surface in a cylinder at one moment.
 
     Attributes:
         radius: inner radius of the cup, m.
@@ -57,11 +57,11 @@ class Wave:
 
     @property
     def reach(self) -> float:
-        """Radius up to which the surface is drawn, m."""
+        """Radius up to which the surface is drawn [m]."""
         return self.radius
 
     def height(self, r: Array, azimuth: Array) -> Array:
-        """Surface height (m) at radius `r` (m) and `azimuth` (rad), broadcast."""
+        """Returns the surface height [m] at radius `r` [m] and `azimuth` [rad]."""
         x = np.asarray(r) / self.radius
         first = jv(1, MODE_1 * x) / jv(1, MODE_1) * np.cos(azimuth - self.phi)
         second = jv(1, MODE_2 * x) / jv(1, MODE_2) * np.cos(azimuth - self.phi2)
@@ -72,11 +72,11 @@ class Wave:
         )
 
     def wall(self, azimuth: Array | float) -> Array:
-        """Height (m) on the wall at `azimuth` (rad)."""
+        """Returns the height on the wall [m] at `azimuth` [rad]."""
         return self.height(np.asarray(self.radius), np.asarray(azimuth))
 
     def peak(self) -> tuple[float, float]:
-        """Maximum of the wall's height (m) and its azimuth (rad, in (-pi, pi])."""
+        """Returns the maximum height on the wall [m] and its azimuth in (-π, π] [rad]."""
         coarse = np.radians(np.arange(0.0, 360.0, 1.0))
         start = float(coarse[int(np.argmax(self.wall(coarse)))])
         found = minimize_scalar(
@@ -90,7 +90,7 @@ class Wave:
 
 
 def natural_frequency(radius: float, fill_height: float, mode: float = MODE_1) -> float:
-    """Natural frequency (Hz) of a mode of liquid of depth `fill_height` (m)."""
+    """Returns the natural frequency [Hz] of a mode for a fill height [m]."""
     wave_number = mode / radius
     squared = GRAVITY * wave_number * math.tanh(wave_number * fill_height)
     return math.sqrt(squared) / (2 * math.pi)

@@ -1,4 +1,4 @@
-"""Scenes of paper cups and glasses with inclined walls, seen from above or below the level.
+"""Random scenes of cups with inclined walls, seen from above or below the level.
 
 Drawn at random by a number; those of even number are for tuning, those of odd number for the
 report. The surface is the first mode of the container's own; the truth is where it meets the wall.
@@ -18,12 +18,12 @@ _KINDS = ("paper cup", "pint glass")
 
 
 def tapered() -> list[Scene]:
-    """The scenes."""
+    """Returns all scenes."""
     return [tapered_cup(index) for index in range(COUNT)]
 
 
 def tapered_cup(index: int) -> Scene:
-    """The scene of a number."""
+    """Returns the scene with a number, which is the random seed."""
     rng = np.random.default_rng(11_000 + index)
     kind = _KINDS[(index // 2) % len(_KINDS)]
     name = _LIQUIDS[int(rng.integers(len(_LIQUIDS)))]

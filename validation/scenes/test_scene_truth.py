@@ -1,4 +1,4 @@
-"""The truth that validation/scenes writes: its mathematics against slosh_camera's own geometry."""
+"""Tests the exact heights of rendered scenes against slosh_camera's own geometry."""
 
 import importlib
 import json
@@ -21,7 +21,7 @@ MM = 1e-3
 
 @pytest.fixture
 def scenes(monkeypatch):
-    """The modules of validation/scenes and the reader of sequences, under their plain names."""
+    """Imports the modules of validation/scenes and the reader of sequences by plain names."""
     monkeypatch.syspath_prepend(str(SCENES))
     modules = {name: importlib.import_module(name) for name in NAMES}
     yield SimpleNamespace(sequences=importlib.import_module("camera_sequences"), **modules)
@@ -30,7 +30,7 @@ def scenes(monkeypatch):
 
 
 def written(scenes, folder, scene, waves):
-    """A folder with the truth of waves, but no images; and the view it was made for."""
+    """Writes a folder with truth.json but without images; returns it and its view."""
     view = scenes.render.view_of(scene)
     truth = scenes.truth.header(scene, view)
     for index, wave in enumerate(waves):

@@ -1,4 +1,4 @@
-"""The truth of a frame, in the words of the shared sequences' truth.json."""
+"""Creates the entries of truth.json: exact heights and visibility of rendered frames."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ CONVENTIONS = {
 
 
 def header(scene: Scene, view: View) -> dict[str, Any]:
-    """What holds for the whole sequence."""
+    """Returns the data in truth.json that hold for the whole sequence."""
     cup, camera, photo = scene.cup, scene.camera, scene.photo
     left, right = view.edges()
     left_tangent, right_tangent = view.tangents()
@@ -120,7 +120,7 @@ def _appearance(scene: Scene) -> dict[str, Any]:
 
 
 def frame_truth(view: View, wave: Wave) -> dict[str, Any]:
-    """What follows from the surface and the camera alone."""
+    """Returns the exact heights of a frame that follow from surface and camera."""
     height, azimuth = wave.peak()
     left, right = view.edges()
     left_tangent, right_tangent = view.tangents()
@@ -158,7 +158,7 @@ def frame_truth(view: View, wave: Wave) -> dict[str, Any]:
 
 
 def largest_part(there: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The largest connected part: total reflection at the rim shows specks of the liquid."""
+    """Returns the largest connected region of a mask, without small specks."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(
         there.astype(np.uint8), connectivity=8
     )
@@ -168,7 +168,7 @@ def largest_part(there: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def mask_truth(mask: NDArray[np.uint8], entry: dict[str, Any]) -> dict[str, Any]:
-    """What follows from the mask: the topmost liquid, and whether the peak is to be seen."""
+    """Returns what follows from the mask: topmost liquid row, and visibility of the peak."""
     body = largest_part((mask == 1) | (mask == 2))
     if not body.any():
         return {"liquid_top_px": None, "liquid_touches_frame_top": False, "peak_visible": None}

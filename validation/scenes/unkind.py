@@ -1,4 +1,4 @@
-"""Scenes as unkind as reality, drawn at random by a seed: stills and sequences.
+"""Random scenes with realistic difficulties: still images and sequences.
 
 Walls of unequal thickness, thick floors, menisci, dirt, droplets, labels, another glass behind,
 parts outside the image, clear and coloured liquids, cameras above, at and below the level, noise,
@@ -29,17 +29,17 @@ _SEQUENCE_LIQUIDS = ("dark", "blue", "red", "milk", "dark", "tea")
 
 
 def stills() -> list[Scene]:
-    """Scenes of which the image of the liquid at rest alone is of interest."""
+    """Returns the scenes of which only the image at rest is used."""
     return [still(index) for index in range(STILLS)]
 
 
 def sequences() -> list[Scene]:
-    """Scenes with motion, of small images."""
+    """Returns the scenes with motion, of small images."""
     return [sequence(index) for index in range(SEQUENCES)]
 
 
 def still(index: int) -> Scene:
-    """The still of a number; those from STILLS on are further ones."""
+    """Returns the still scene with a number; higher numbers give further scenes."""
     rng = np.random.default_rng(7000 + index)
     name = list(LIQUIDS)[int(rng.integers(len(LIQUIDS)))]
     cup = draw_cup(rng)
@@ -58,7 +58,7 @@ def still(index: int) -> Scene:
 
 
 def sequence(index: int) -> Scene:
-    """The scene with motion of a number; those from SEQUENCES on are further ones to tune on."""
+    """Returns the moving scene with a number; higher numbers give scenes for tuning."""
     rng = np.random.default_rng(8000 + index)
     name = _SEQUENCE_LIQUIDS[index % len(_SEQUENCE_LIQUIDS)]
     cup = draw_cup(rng)
@@ -87,7 +87,7 @@ def sequence(index: int) -> Scene:
 
 
 def draw_cup(rng: np.random.Generator) -> Cup:
-    """A container with an uneven wall, and often a meniscus."""
+    """Draws a container with an uneven wall and often a meniscus."""
     radius = float(rng.uniform(32.0, 60.0))
     fill = float(rng.uniform(0.9, 1.6) * radius)
     wall = float(rng.uniform(1.2, 4.0))
@@ -107,7 +107,7 @@ def draw_cup(rng: np.random.Generator) -> Cup:
 def draw_camera(
     rng: np.random.Generator, cup: Cup, size: tuple[int, int], widths: tuple[float, float]
 ) -> tuple[Camera, str]:
-    """A camera above, at or below the level, and in words where it stands and what it cuts."""
+    """Draws a camera above, at or below the level; returns it and its description."""
     width = float(rng.uniform(*widths))
     focal = float(rng.uniform(0.9, 2.2)) * size[0]
     distance = focal * 2.0 * (cup.radius + cup.wall) / width
@@ -143,7 +143,7 @@ def draw_camera(
 
 
 def draw_photo(rng: np.random.Generator, *, rolling: bool = False) -> Photo:
-    """Noise, compression and blur, and an exposure that hunts."""
+    """Draws a camera's noise, compression, blur and exposure changes."""
     return Photo(
         gain=float(rng.uniform(0.7, 1.3)),
         shot=float(rng.uniform(0.003, 0.012)),
@@ -156,7 +156,7 @@ def draw_photo(rng: np.random.Generator, *, rolling: bool = False) -> Photo:
 
 
 def draw_room(rng: np.random.Generator, liquid: str) -> Room:
-    """A board behind the cup that is not as bright as the liquid, and often another glass."""
+    """Draws a background of other brightness than the liquid, often with another glass."""
     tone = rng.uniform(0.05, 0.2) if liquid == "milk" else rng.uniform(0.35, 0.8)
     wall = tone * rng.uniform(0.9, 1.1, 3)
     behind = rng.random() < 0.3
@@ -175,7 +175,7 @@ def draw_room(rng: np.random.Generator, liquid: str) -> Room:
 
 
 def _dirtied(rng: np.random.Generator, scene: Scene, about: str, chance: float) -> Scene:
-    """The scene with a label, droplets and dirt, as often as `chance` says."""
+    """Adds a label, droplets and dirt to a scene, each with a given probability."""
     words = [about]
     label = None
     if rng.random() < chance:

@@ -1,4 +1,4 @@
-"""Other methods on the blind cases, beside the discovery; fills docs/results/peers.md.
+"""Runs other methods and the discovery on the same test cases; writes docs/results/peers.md.
 
     tools/run pip install -r requirements/peers.txt
     tools/run python validation/studies/bench_peers.py --docs
@@ -24,7 +24,7 @@ NEEDED = ("pysindy", "cvxpy", "jax")
 
 
 def main() -> int:
-    """Runs what is missing, prints the tables, writes the page where asked."""
+    """Runs missing cases and prints the tables; writes the page if requested."""
     options = _options()
     missing = [name for name in NEEDED if importlib.util.find_spec(name) is None]
     if missing:
@@ -52,9 +52,11 @@ def main() -> int:
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=3, help="of 13 effects and 3 of nothing")
-    parser.add_argument("--networks", type=int, default=13, help="cases of the network")
-    parser.add_argument("--known", action="store_true", help="run nothing, tell what is there")
+    parser.add_argument(
+        "--rounds", type=int, default=3, help="rounds of 13 effects and 3 empty cases"
+    )
+    parser.add_argument("--networks", type=int, default=13, help="number of cases for the network")
+    parser.add_argument("--known", action="store_true", help="only print stored results")
     parser.add_argument("--docs", action="store_true", help="write docs/results/peers.md")
     return parser.parse_args()
 

@@ -1,4 +1,4 @@
-"""Runs blind cases through the discovery and fills docs/results/discovery_scores.md.
+"""Scores the discovery on synthetic cases; fills docs/results/discovery_scores.md.
 
     tools/run python validation/studies/blind_tables.py --kind all --count 44 --seed 1 --docs
 
@@ -34,7 +34,7 @@ Job = tuple[str, int, int, str | None, Dirt | None]
 
 
 def main() -> int:
-    """Runs what is missing, prints the tables, writes the page where asked."""
+    """Runs missing cases and prints the tables; writes the page if requested."""
     options = _options()
     suite = "dirty" if options.dirty else "noisy" if options.noisy else ""
     folder = Path(options.folder or ROOT / "out" / f"blind_{suite}".rstrip("_"))
@@ -61,7 +61,7 @@ def main() -> int:
 
 
 def dirt_of(suite: str, index: int) -> Dirt | None:
-    """What a case of the suite has for errors; None: white noise of its heights alone."""
+    """Returns the errors of a case in a suite; None for white noise of the heights only."""
     if suite == "noisy":
         return noisy_inputs(index)
     return DIRT if suite == "dirty" else None
@@ -70,20 +70,20 @@ def dirt_of(suite: str, index: int) -> Dirt | None:
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kind", choices=(*KINDS, "all"), default="all")
-    parser.add_argument("--count", type=int, default=22, help="cases of each kind")
+    parser.add_argument("--count", type=int, default=22, help="number of cases of each kind")
     parser.add_argument("--first", type=int, default=0, help="index of the first case")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--effect", help="hide this one in every case")
-    parser.add_argument("--dirty", action="store_true", help="what a real sensor does, too")
-    parser.add_argument("--noisy", action="store_true", help="what an accelerometer does, too")
+    parser.add_argument("--effect", help="effect that is hidden in every case")
+    parser.add_argument("--dirty", action="store_true", help="add errors of real sensors")
+    parser.add_argument("--noisy", action="store_true", help="add an accelerometer's noise")
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--folder", help="of the answers (out/blind, out/blind_dirty)")
+    parser.add_argument("--folder", help="folder of the results (default: out/blind…)")
     parser.add_argument("--docs", action="store_true", help="write the tables in docs/")
     return parser.parse_args()
 
 
 def read_rows(folder: Path) -> dict[str, Row]:
-    """The folder's rows by case, judged anew; half a line at a file's end does not count."""
+    """Reads the stored results by case and judges them again; skips incomplete lines."""
     rows: dict[str, Row] = {}
     for path in sorted(folder.glob("*.jsonl")):
         for line in path.read_text().splitlines():
@@ -96,7 +96,7 @@ def read_rows(folder: Path) -> dict[str, Row]:
 
 
 def run_jobs(jobs: list[Job], folder: Path, processes: int) -> None:
-    """Runs cases and adds their rows to the folder, each as soon as it is there."""
+    """Runs cases in parallel and stores each result as soon as it is available."""
     if not jobs:
         return
     context = multiprocessing.get_context("spawn")
@@ -115,7 +115,7 @@ def run_jobs(jobs: list[Job], folder: Path, processes: int) -> None:
 
 
 def _start() -> None:
-    """Leaves the machine to others."""
+    """Lowers the priority of a worker process."""
     os.nice(10)
 
 
@@ -138,7 +138,7 @@ def _line(row: Row) -> str:
 
 
 def write_page(rows: list[Row], prefix: str = "") -> None:
-    """Fills the page's tables; the text around them stays.
+    """Fills the tables of the results page; the text around them stays.
 
     Args:
         rows: what was answered.

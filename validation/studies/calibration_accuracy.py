@@ -1,4 +1,4 @@
-"""What `slosh calibrate` makes of stills whose pose is known, as a table.
+"""Measures how accurate `slosh calibrate` is on images at rest with known camera pose.
 
     tools/run python validation/studies/calibration_accuracy.py [FOLDER ...] [--docs]
 
@@ -40,9 +40,11 @@ _ARC = np.deg2rad(np.linspace(-60.0, 60.0, 25))
 
 
 def main() -> int:
-    """Prints the table; returns 1 where an image could not be calibrated."""
+    """Prints the table; returns 1 if an image could not be calibrated."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", nargs="*", type=Path, help="default: the shared data")
+    parser.add_argument(
+        "folder", nargs="*", type=Path, help="sequences (default: the shared data)"
+    )
     parser.add_argument(
         "--half", choices=("even", "odd"), help="scenes whose name ends in such a number alone"
     )
@@ -68,7 +70,7 @@ def main() -> int:
 
 
 def row(sequence: RenderedSequence) -> str:
-    """One line: errors of heights [mm], of distance [mm] and pitch [deg]."""
+    """Formats one sequence's errors: heights and distance [mm], pitch [deg]."""
     truth = sequence.calibration.view
     fit = fit_still(sequence)
     cells, ratio = [sequence.name], 0.0
@@ -89,7 +91,7 @@ def row(sequence: RenderedSequence) -> str:
 
 
 def summary(rows: list[str], refused: list[str]) -> str:
-    """How many stills are refused, and how many of the others are off by more than is claimed."""
+    """Summarises how many images were refused, and how many errors exceed the stated ones."""
     given = [[cell.strip() for cell in row.split("|")] for row in rows]
     off = [row for row in given if not float(row[-3]) <= MOST]
     silent = [row[1] for row in off if not row[-2]]
@@ -100,7 +102,7 @@ def summary(rows: list[str], refused: list[str]) -> str:
 
 
 def height_errors(truth: CupView, found: CupView, wall: Wall) -> np.ndarray:
-    """What the pose makes of heights of -20 to 20 mm, 60 degrees to both sides [m]."""
+    """Returns the errors of heights from -20 to 20 mm that a calibrated pose causes [m]."""
     middle = truth.camera_azimuth + (np.pi if wall is Wall.REAR else 0.0)
     azimuth, height = np.tile(middle + _ARC, len(HEIGHTS)), np.repeat(HEIGHTS, _ARC.size)
     _, read = found.on_wall(truth.project_wall(azimuth, height, wall), wall)

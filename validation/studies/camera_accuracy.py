@@ -1,4 +1,4 @@
-"""Measures the camera's accuracy on rendered sequences with exact truth.
+"""Measures the camera's accuracy on rendered sequences with exact heights.
 
     tools/run python validation/studies/camera_accuracy.py [FOLDER ...] [--disturb] [--docs]
 
@@ -60,7 +60,7 @@ HALVES = ("**even**", "**odd**")
 
 
 def main() -> int:
-    """Runs the command; returns its exit code."""
+    """Measures the sequences named on the command line; returns the exit code."""
     arguments = _parser().parse_args()
     cv2.setNumThreads(1)
     try:
@@ -71,7 +71,7 @@ def main() -> int:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Measures, prints and writes what the arguments ask for."""
+    """Measures the sequences; prints and writes the requested tables and files."""
     given = [path for folder in arguments.folders for path in sequences_in(folder)]
     folders = given or shared_sequences()
     if not folders:
@@ -110,7 +110,7 @@ def run(arguments: argparse.Namespace) -> int:
 def calibrated_sequences(
     sequences: Sequence[RenderedSequence],
 ) -> tuple[list[RenderedSequence], list[str]]:
-    """The sequences with the pose that their still image tells; a line for each without one."""
+    """Returns the sequences with poses calibrated from their images at rest, and refusals."""
     found, refused = [], []
     for sequence in sequences:
         try:
@@ -126,7 +126,7 @@ def calibrated_sequences(
 def measured_sequences(
     sequences: Sequence[RenderedSequence], options: Options
 ) -> tuple[list[RenderedSequence], list[tuple[FrameResult, ...]], list[str]]:
-    """The sequences that the detector takes, their frames' results, a line for each other one.
+    """Returns the sequences that could be measured, their results, and a line for each other.
 
     Raises:
         SloshCameraError: the detector takes none of them.
@@ -146,14 +146,14 @@ def measured_sequences(
 
 
 def make_detector(calibration: Calibration) -> Detector:
-    """The detector of this checkout."""
+    """Creates the package's detector for a calibration."""
     return FreeSurfaceDetector(calibration)
 
 
 def all_figures(
     sequences: Sequence[RenderedSequence], results: Sequence[Sequence[FrameResult]]
 ) -> list[SequenceFigures]:
-    """Figures of each sequence and, of several, in total; where all have numbers, of each half."""
+    """Returns the accuracy of each sequence, of all together, and of each numbered half."""
     pairs = list(zip(sequences, results, strict=True))
     rows = [figures(sequence.name, frames) for sequence, frames in pairs]
     numbers = [re.fullmatch(r"sequence_(\d+)", sequence.name) for sequence in sequences]
@@ -172,7 +172,7 @@ def all_figures(
 
 
 def disturb(sequences: Sequence[RenderedSequence], options: Options) -> list[str]:
-    """A table of all disturbances for each sequence and, of several, in total."""
+    """Formats a table of the accuracy under each image disturbance, by sequence and in total."""
     every = [UNDISTURBED, *all_disturbances()]
     measured = [
         [measure_disturbed(sequence, make_detector, options, change) for sequence in sequences]
@@ -200,7 +200,7 @@ def disturb(sequences: Sequence[RenderedSequence], options: Options) -> list[str
 def write_frames(
     folder: Path, sequences: Sequence[RenderedSequence], results: Sequence[Sequence[FrameResult]]
 ) -> None:
-    """A CSV for each sequence: truth and measurement of each frame, in mm and degrees."""
+    """Writes a CSV file for each sequence: exact and measured values of each frame."""
     folder.mkdir(parents=True, exist_ok=True)
     for sequence, frames in zip(sequences, results, strict=True):
         with (folder / f"{sequence.name}.csv").open("w", newline="") as file:
@@ -211,7 +211,7 @@ def write_frames(
 
 
 def frame_row(frame: FrameResult) -> dict[str, str]:
-    """One frame as text by column."""
+    """Formats one frame's exact and measured values as text, by column."""
     truth, measured = frame.truth, frame.measured
     heights = {
         "msh_true": truth.msh,
@@ -251,7 +251,7 @@ def write_worst(
     sequences: Sequence[RenderedSequence],
     results: Sequence[Sequence[FrameResult]],
 ) -> None:
-    """Annotated pictures of the frames with the largest errors, of each sequence."""
+    """Writes annotated images of the frames with the largest errors, for each sequence."""
     folder.mkdir(parents=True, exist_ok=True)
     for sequence, frames in zip(sequences, results, strict=True):
         for rank, frame in enumerate(sorted(frames, key=badness, reverse=True)[:number]):
@@ -262,7 +262,7 @@ def write_worst(
 
 
 def badness(frame: FrameResult) -> float:
-    """Size of the worse of the two errors [m]; a cut frame counts by what it claims too much."""
+    """Returns the larger of a frame's two height errors [m]; for a cut frame only excess."""
     values = [frame.measured.msh, value_of(frame.measured, "fitted_msh")]
     errors = [value - frame.truth.msh for value in values if math.isfinite(value)]
     if frame.truth.touches_top:
@@ -276,7 +276,7 @@ def badness(frame: FrameResult) -> float:
 
 
 def _with_truth(image: Image, sequence: RenderedSequence, frame: FrameResult) -> Image:
-    """A copy with the true line of both walls, thin, and the truth as text at the bottom."""
+    """Returns a copy of the image with the exact wall lines and values drawn."""
     picture = image.copy()
     azimuth = np.linspace(-np.pi, np.pi, 721)
     line = sequence.calibration.view.project_wall(azimuth, frame.truth.height(azimuth))
@@ -299,7 +299,7 @@ def _with_truth(image: Image, sequence: RenderedSequence, frame: FrameResult) ->
 
 
 def _plain(value: Any) -> Any:
-    """What JSON cannot say becomes null."""
+    """Replaces values that JSON cannot represent by None."""
     if isinstance(value, dict):
         return {key: _plain(entry) for key, entry in value.items()}
     if isinstance(value, list):
@@ -318,10 +318,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--calibrated", action="store_true", help="by the pose that the still image tells"
     )
-    parser.add_argument("--unflagged", action="store_true", help="frames without a flag alone")
-    parser.add_argument("--disturb", action="store_true", help="also under disturbances")
+    parser.add_argument("--unflagged", action="store_true", help="use only frames without a flag")
+    parser.add_argument("--disturb", action="store_true", help="measure also under disturbances")
     parser.add_argument("--docs", action="store_true", help=f"write the tables into {PAGE.name}")
-    parser.add_argument("--check", action="store_true", help="exit 1 where a requirement fails")
+    parser.add_argument("--check", action="store_true", help="exit with 1 if a requirement fails")
     return parser
 
 

@@ -1,4 +1,4 @@
-"""Damaged files, and pictures that do not fit: how many give a wrong height without a flag.
+"""Measures how often damaged or unsuitable images give a wrong height without a flag.
 
     tools/run python validation/studies/camera_damage.py [--data DIR] [--half 1]
 
@@ -158,7 +158,7 @@ MISFITS: dict[str, Callable[[Image], Image]] = {
 
 
 class Outcome(NamedTuple):
-    """What became of one picture.
+    """Result for one damaged image: refused, flagged, or wrong without a flag.
 
     Attributes:
         refused: it was taken for no image.
@@ -174,7 +174,7 @@ class Outcome(NamedTuple):
 
 
 def outcome(measured: Measurement | None, *heights: float) -> Outcome:
-    """What became of a picture that shows one of some heights [m]; None: it was refused."""
+    """Judges a measurement of an image that shows one of several heights [m]."""
     if measured is None or measured.flags or not np.isfinite(measured.msh):
         return Outcome(measured is None, measured is not None, False, 0.0)
     error = min(abs(measured.msh - height) for height in heights)
@@ -184,7 +184,7 @@ def outcome(measured: Measurement | None, *heights: float) -> Outcome:
 def damaged_files(
     sequence: RenderedSequence, half: int, each: int
 ) -> Iterator[tuple[str, Outcome]]:
-    """The outcomes of damaged files of a sequence, by the name of the damage."""
+    """Yields the results for damaged files of a sequence, with the name of the damage."""
     detector = _detector(sequence)
     frames = [frame for frame in sequence.frames if frame.index % 2 == half]
     for number, frame in enumerate(frames):
@@ -210,7 +210,7 @@ def damaged_files(
 
 
 def misfits(sequence: RenderedSequence, half: int) -> Iterator[tuple[str, Outcome]]:
-    """The outcomes of pictures that do not fit the calibration, by what is done to them."""
+    """Yields the results for images that do not fit the calibration, with the change's name."""
     detector = _detector(sequence)
     for frame in sequence.frames:
         if frame.index % 2 == half:
@@ -245,11 +245,15 @@ def _table(outcomes: dict[str, list[Outcome]]) -> Iterator[str]:
 
 
 def main() -> None:
-    """Prints the two tables."""
+    """Prints the tables for damaged files and for unsuitable images."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, help="folder of rendered sequences")
-    parser.add_argument("--half", type=int, default=1, choices=(0, 1), help="which frames")
-    parser.add_argument("--each", type=int, default=10, help="damages of a kind on each frame")
+    parser.add_argument(
+        "--half", type=int, default=1, choices=(0, 1), help="even (0) or odd (1) frames"
+    )
+    parser.add_argument(
+        "--each", type=int, default=10, help="number of damages of a kind per frame"
+    )
     arguments = parser.parse_args()
     folders = sequences_in(arguments.data) if arguments.data else shared_sequences()
     sequences = [read_sequence(folder) for folder in folders]

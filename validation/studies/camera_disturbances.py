@@ -1,4 +1,4 @@
-"""Disturbances of rendered sequences.
+"""Disturbances of rendered images, such as noise, blur or a covered wall, for robustness tests.
 
 Every disturbance is the same in each run: its random numbers come from its name and the frame.
 Where a disturbance is there from the start (noise, blur, a tilted camera, uneven light, JPEG), the
@@ -35,13 +35,13 @@ _LABEL_HALF_HEIGHT = 0.012
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """Where an image comes from; `truth` is None for the liquid at rest."""
+    """Camera view and exact heights of an image; `truth` is None for the liquid at rest."""
 
     view: CupView
     truth: FrameTruth | None
 
     def line(self, azimuth: FloatArray) -> FloatArray:
-        """Pixels (N, 2) of the true wall line at azimuths [rad]; the unknown ones left out."""
+        """Returns the pixels (N, 2) of the exact wall line at azimuths [rad], where known."""
         level = np.zeros_like(azimuth) if self.truth is None else self.truth.height(azimuth)
         pixels = self.view.project_wall(azimuth, level)
         return np.asarray(pixels[np.all(np.isfinite(pixels), axis=1)])
@@ -52,7 +52,7 @@ Operation = Callable[[Image, Scene, np.random.Generator], Image]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Disturbance:
-    """One way to make images worse.
+    """One way to disturb images, such as noise or a sticker on the wall.
 
     Attributes:
         name: as printed; the seed of its random numbers too.
@@ -69,7 +69,7 @@ class Disturbance:
     def __call__(
         self, image: Image, sequence: RenderedSequence, truth: FrameTruth | None
     ) -> Image:
-        """The disturbed image."""
+        """Returns the disturbed image."""
         if truth is None and not self.on_still:
             return image
         index = 0 if truth is None else truth.index + 1
@@ -77,7 +77,7 @@ class Disturbance:
         return self.operation(image, Scene(sequence.calibration.view, truth), random)
 
     def calibration(self, calibration: Calibration) -> Calibration:
-        """What the detector is told of the camera."""
+        """Returns the calibration that the detector gets for the disturbed images."""
         if not self.told_roll:
             return calibration
         view = calibration.view
@@ -102,7 +102,7 @@ UNDISTURBED = Disturbance("undisturbed", _same, on_still=False)
 
 
 def all_disturbances() -> list[Disturbance]:
-    """The disturbances of the robustness table, in its order."""
+    """Returns all disturbances of the robustness table, in its order."""
     light = [Disturbance(f"brightness x{f:g}", _brightness(f), False) for f in (0.4, 0.7, 1.4, 2)]
     noise = [Disturbance(f"noise, sigma {s}", _noise(s), True) for s in (5, 10)]
     blur = [Disturbance(f"blur, sigma {s:g} px", _blur(s), True) for s in (1.5, 3)]
@@ -149,7 +149,7 @@ def _blur(sigma: float) -> Operation:
 
 
 def _motion_blur(length: int) -> Operation:
-    """Horizontal, the direction in which a camera or a cup on a belt moves."""
+    """Returns a disturbance that blurs the image horizontally over a length [px]."""
     kernel = np.full((1, length), 1.0 / length)
 
     def operation(image: Image, scene: Scene, random: np.random.Generator) -> Image:
@@ -160,7 +160,7 @@ def _motion_blur(length: int) -> Operation:
 
 
 def _patch(share: float) -> Operation:
-    """An upright rectangle over `share` of the columns in which the line is seen."""
+    """Returns a disturbance that covers a share of the visible wall line's columns."""
 
     def operation(image: Image, scene: Scene, random: np.random.Generator) -> Image:
         line = scene.line(np.linspace(-np.pi, np.pi, 1441))
@@ -181,7 +181,7 @@ def _patch(share: float) -> Operation:
 
 
 def _label(image: Image, scene: Scene, random: np.random.Generator) -> Image:
-    """A white sticker on the wall, a third of the way from the middle to the right edge."""
+    """Draws a white sticker on the wall, a third of the way to its right edge."""
     middle = scene.view.camera_azimuth + math.radians(25.0)
     width, height = _LABEL_HALF_WIDTH, _LABEL_HALF_HEIGHT
     across = np.linspace(middle - width, middle + width, 41)
@@ -191,7 +191,7 @@ def _label(image: Image, scene: Scene, random: np.random.Generator) -> Image:
 
 
 def _roll(angle: float) -> Operation:
-    """Turns the camera about its optical axis; exact for radial distortion."""
+    """Returns a disturbance that rolls the camera about its optical axis by an angle."""
 
     def operation(image: Image, scene: Scene, random: np.random.Generator) -> Image:
         size = image.shape[1], image.shape[0]
@@ -208,7 +208,7 @@ def _roll(angle: float) -> Operation:
 
 
 def roll_matrix(camera: PinholeCamera, angle: float) -> FloatArray:
-    """Where a roll of the camera moves pixels, (2, 3): K Rz K^-1."""
+    """Returns the matrix (2, 3) that maps pixels when the camera rolls, K Rz K⁻¹."""
     matrix = camera.matrix
     turn = np.eye(3)
     turn[:2, :2] = _rotation(angle)
@@ -224,7 +224,7 @@ def _jpeg(quality: int) -> Operation:
 
 
 def _uneven(image: Image, scene: Scene, random: np.random.Generator) -> Image:
-    """Light that grows across the container from 0.6 to 1.2 of what it was."""
+    """Changes the brightness across the container from 0.6 to 1.2 times."""
     line = scene.line(np.linspace(-np.pi, np.pi, 181))
     ends = [line[:, 0].min(), line[:, 0].max()]
     gain = np.interp(np.arange(image.shape[1]), ends, [0.6, 1.2])
@@ -240,7 +240,7 @@ def _salt_and_pepper(image: Image, scene: Scene, random: np.random.Generator) ->
 
 
 def _grey(image: Image, scene: Scene, random: np.random.Generator) -> Image:
-    """The same image without colour, still with three channels."""
+    """Removes the colour of an image; three equal channels remain."""
     if image.ndim == 2:
         return image
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
@@ -248,7 +248,7 @@ def _grey(image: Image, scene: Scene, random: np.random.Generator) -> Image:
 
 
 def _highlights(image: Image, scene: Scene, random: np.random.Generator) -> Image:
-    """Three soft white spots on the line or close to it."""
+    """Draws three soft white spots on or near the wall line."""
     line = scene.line(np.linspace(-np.pi, np.pi, 361))
     v, u = np.mgrid[: image.shape[0], : image.shape[1]]
     light = np.zeros(image.shape[:2])

@@ -1,4 +1,4 @@
-"""Figures of a detector against exact truth; pure: prints nothing and writes nothing."""
+"""Computes the accuracy of a detector against exact heights, without any output."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ NAN = math.nan
 
 
 class Detector(Protocol):
-    """What is put to the test: slosh_camera's FreeSurfaceDetector, or a stand-in."""
+    """Interface of the detector under test."""
 
     def learn_still(self, image: Image) -> float:
-        """Take an image of the liquid at rest."""
+        """Uses an image of the liquid at rest as reference."""
 
     def update(self, stamp_ns: int, image: Image) -> Measurement:
-        """Measure the next image of a sequence."""
+        """Measures the next image of a sequence."""
 
 
 DetectorFactory = Callable[[Calibration], Detector]
@@ -43,7 +43,7 @@ Change = Callable[[Image, RenderedSequence, FrameTruth | None], Image]
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How a sequence is measured.
+    """Options for measuring a sequence: use of the image at rest, grey images.
 
     Attributes:
         still: learn from the image of the liquid at rest.
@@ -56,7 +56,7 @@ class Options:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameResult:
-    """One frame: what is true and what was measured."""
+    """Exact and measured values of one frame."""
 
     truth: FrameTruth
     measured: Measurement
@@ -64,7 +64,7 @@ class FrameResult:
 
     @property
     def fitted_side(self) -> PeakSide:
-        """The wall at the fitted azimuth."""
+        """Wall (front or rear) on which the fitted highest point lies."""
         azimuth = value_of(self.measured, "fitted_azimuth")
         if math.isnan(azimuth):
             return PeakSide.UNKNOWN
@@ -74,7 +74,7 @@ class FrameResult:
 
 @dataclass(frozen=True, slots=True)
 class HeightFigures:
-    """One kind of height, raw or fitted, over the frames that are not cut off.
+    """Accuracy of one kind of height, raw or fitted, over all complete frames.
 
     Attributes:
         count: frames with a height.
@@ -106,13 +106,13 @@ class HeightFigures:
 
     @property
     def side_share(self) -> float:
-        """Share of right walls; NaN: none to name."""
+        """Share of frames with the right wall named; NaN if no wall was named."""
         return self.side_right / self.side_count if self.side_count else NAN
 
 
 @dataclass(frozen=True, slots=True)
 class SequenceFigures:
-    """All figures of one sequence.
+    """Accuracy of all measured quantities in one sequence.
 
     Attributes:
         name: of the sequence.
@@ -152,7 +152,7 @@ class SequenceFigures:
 def evaluate(
     sequence: RenderedSequence, factory: DetectorFactory, options: Options | None = None
 ) -> SequenceFigures:
-    """Measure every frame and compare with the truth."""
+    """Measures a sequence and returns the accuracy against its exact heights."""
     return figures(sequence.name, measure_sequence(sequence, factory, options or Options()))
 
 
@@ -162,7 +162,7 @@ def measure_sequence(
     options: Options,
     change: Change | None = None,
 ) -> tuple[FrameResult, ...]:
-    """Measure every frame with a new detector.
+    """Measures all frames of a sequence with a new detector.
 
     Args:
         sequence: the frames.
@@ -189,7 +189,7 @@ def measure_sequence(
 
 
 def figures(name: str, results: Sequence[FrameResult]) -> SequenceFigures:
-    """The figures of measured frames, of one sequence or of several together."""
+    """Computes the accuracy from the results of frames, of one or several sequences."""
     uncut = [result for result in results if not result.truth.touches_top]
     cut = [result for result in results if result.truth.touches_top]
     outside = [result for result in results if result.truth.peak_outside]
@@ -215,7 +215,7 @@ def figures(name: str, results: Sequence[FrameResult]) -> SequenceFigures:
 
 
 def flag_counts(results: Iterable[FrameResult], without: Flag = Flag.NONE) -> dict[str, int]:
-    """How many frames carry each flag."""
+    """Counts by flag the frames that carry it."""
     names = (
         str(flag.name)
         for result in results
@@ -226,14 +226,14 @@ def flag_counts(results: Iterable[FrameResult], without: Flag = Flag.NONE) -> di
 
 
 def rms(errors: Sequence[float] | FloatArray) -> float:
-    """Root mean square of what is known; NaN: nothing."""
+    """Returns the root mean square of the finite values; NaN if there are none."""
     values = np.asarray(errors, dtype=np.float64)
     values = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(values**2))) if values.size else NAN
 
 
 def value_of(measured: Measurement, name: str) -> float:
-    """A number of a measurement; NaN where this detector does not have it."""
+    """Returns a number of a measurement; NaN if the detector does not provide it."""
     return float(getattr(measured, name, NAN))
 
 

@@ -1,4 +1,4 @@
-"""How much worse disturbances make the camera; pure: prints nothing and writes nothing."""
+"""Computes how much image disturbances reduce the camera's accuracy, without any output."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ NAN = math.nan
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Disturbed:
-    """One disturbance in one sequence, over the frames that are not cut off.
+    """Results of one sequence under one disturbance, over all complete frames.
 
     Attributes:
         sequence: name of the sequence.
@@ -76,7 +76,7 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class DisturbedFigures:
-    """What one disturbance does to one sequence, or to several together.
+    """Effect of one disturbance on the accuracy of one or several sequences.
 
     Attributes:
         name: of the disturbance.
@@ -106,7 +106,7 @@ class DisturbedFigures:
 
     @property
     def shortfalls(self) -> tuple[str, ...]:
-        """What is twice as wrong as undisturbed without a warning."""
+        """Names of quantities that become twice as wrong without a warning."""
         checks = {
             "highest point": self.raw.ratio >= WORSE,
             "fitted line": self.fitted.ratio >= WORSE,
@@ -122,7 +122,7 @@ def measure_disturbed(
     options: Options,
     disturbance: Disturbance,
 ) -> Disturbed:
-    """Measure a sequence under a disturbance; frames that are cut off are left out.
+    """Measures a sequence under a disturbance, without frames that are cut off.
 
     Args:
         sequence: undisturbed.
@@ -150,7 +150,7 @@ def measure_disturbed(
 def disturbed_figures(
     disturbance: Disturbance, name: str, parts: Sequence[Disturbed], plain: Sequence[Disturbed]
 ) -> DisturbedFigures:
-    """Figures of one disturbance.
+    """Computes the accuracy under one disturbance, relative to the undisturbed one.
 
     Args:
         disturbance: which.

@@ -1,4 +1,4 @@
-"""The camera's figures as Markdown, and what of the requirements is not met."""
+"""Formats the camera's accuracy as Markdown tables, and lists unmet requirements."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _DISTURBED = "| {} | still too | warned | flags | RMS | max | × | worst × | fi
 
 
 def accuracy_tables(rows: Sequence[SequenceFigures]) -> str:
-    """Three tables: the highest point, the fitted line, edges and flags; in mm and degrees."""
+    """Formats three tables: highest point, fitted line, edges and flags [mm, deg]."""
     raw = [_height_row(row.name, row.raw) for row in rows]
     fitted = [_height_row(row.name, row.fitted) for row in rows]
     parts = [
@@ -35,7 +35,7 @@ def accuracy_tables(rows: Sequence[SequenceFigures]) -> str:
 def disturbance_table(
     name: str, rows: Sequence[tuple[DisturbedFigures, Sequence[DisturbedFigures]]]
 ) -> str:
-    """A row for each disturbance.
+    """Formats the accuracy under each disturbance as a table.
 
     Args:
         name: of the sequence or of all.
@@ -45,7 +45,7 @@ def disturbance_table(
 
 
 def shortfalls(row: SequenceFigures) -> list[str]:
-    """What is asked of the camera and not met, one line each."""
+    """Lists the requirements on the camera that a sequence does not meet, one line each."""
     found = [
         *_height_shortfalls(row.raw, "highest point"),
         *_height_shortfalls(row.fitted, "fitted line"),
@@ -58,7 +58,7 @@ def shortfalls(row: SequenceFigures) -> list[str]:
 
 
 def replace_table(page: Path, name: str, table: str) -> None:
-    """Replace what stands between `<!-- table NAME -->` and `<!-- end NAME -->` in a page.
+    """Replaces the text between `<!-- table NAME -->` and `<!-- end NAME -->` in a page.
 
     Raises:
         SloshCameraError: the page cannot be read or has no such place.

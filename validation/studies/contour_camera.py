@@ -1,4 +1,4 @@
-"""Heights of bodies of revolution from the side, on rendered scenes with exact truth.
+"""Measures the accuracy of side views of bodies of revolution on rendered scenes.
 
     tools/run python validation/scenes/render.py contours -o out/contours
     tools/run python validation/studies/contour_camera.py out/contours
@@ -43,7 +43,7 @@ NUMBER = re.compile(r"contour_([0-9]+)")
 
 @dataclass(frozen=True)
 class Height:
-    """One height: its kind, error [m], standard deviation [m], and whether a flag doubts it."""
+    """A measured height's kind, error [m] and standard deviation [m], and if a flag doubts it."""
 
     kind: str
     error: float
@@ -52,12 +52,12 @@ class Height:
 
     @property
     def silent(self) -> bool:
-        """Whether nothing tells of an error that is too large."""
+        """Whether the error is too large although neither flag nor standard deviation shows it."""
         return abs(self.error) > SILENT and not self.doubted and abs(self.error) > 3 * self.stddev
 
 
 def calibration(truth: dict[str, Any], number: int) -> SideCalibration:
-    """As by `slosh calibrate --scale` with a user's errors."""
+    """Returns a calibration as from `slosh calibrate --scale`, with typical user errors."""
     rng = np.random.default_rng(number)
     camera, body = truth["camera"], parse_container(truth["container"], Path())
     seen = RoundBody.of(body, truth["wall_thickness"], truth["n_wall"])
@@ -79,7 +79,7 @@ def calibration(truth: dict[str, Any], number: int) -> SideCalibration:
 
 
 def measured(folder: Path, number: int) -> tuple[dict[str, Any], list[Height], int, str]:
-    """A scene's truth, its heights, the images without any, and why it was refused."""
+    """Measures a scene; returns exact data, heights, images without any, and a refusal."""
     truth = json.loads((folder / "truth.json").read_text())
     detector = SideViewDetector(calibration(truth, number))
     heights: list[Height] = []
@@ -106,7 +106,7 @@ def measured(folder: Path, number: int) -> tuple[dict[str, Any], list[Height], i
 
 
 def table(folders: list[Path]) -> tuple[str, list[str]]:
-    """The table in Markdown, a row for each kind of container and all, and what was refused."""
+    """Formats the accuracy by kind of container as a Markdown table; lists refusals."""
     by_kind: dict[str, list[Height]] = {}
     images: dict[str, tuple[int, int]] = {}
     refusals = []
@@ -144,10 +144,12 @@ def _errors(heights: list[Height], kind: str) -> str:
 
 
 def main() -> int:
-    """Reads the command line."""
+    """Measures the scenes in a folder and prints or writes the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenes", type=Path, help="folder of the rendered scenes")
-    parser.add_argument("--tuning", action="store_true", help="those of even number")
+    parser.add_argument(
+        "--tuning", action="store_true", help="use the scenes of even number, for tuning"
+    )
     parser.add_argument("--docs", action="store_true", help="write the table into docs/")
     args = parser.parse_args()
     folders = [

@@ -1,4 +1,4 @@
-"""Free surface of an upright circular cylinder by potential flow: what effects are compared with.
+"""Simulates the free surface of an upright cylinder by potential flow, as a reference.
 
 The same method as `slosh_model.multimodal` has for a rectangle, with the modes
 J_m(k r) cos(m θ), J_m(k r) sin(m θ) and products by quadrature: Zakharov's equations with the
@@ -25,7 +25,7 @@ HELD = 4.3  # above the modes (0, 1), (1, 1), (2, 1) and (3, 1)
 
 @dataclass(eq=False)
 class CylinderWaves:
-    """The modes of a cylinder and their products.
+    """The wave modes of a cylinder and their nonlinear products.
 
     Attributes:
         radius, fill_height: R and h [m].
@@ -95,11 +95,11 @@ class CylinderWaves:
         ]
 
     def place(self, m: int, n: int, *, odd: bool = False) -> int:
-        """Where a mode stands among the amplitudes; these are its heights on the wall."""
+        """Returns the index of a mode (m, n) among the amplitudes."""
         return self.labels.index((m, n, odd))
 
     def heights(self, amplitudes: Array, azimuths: Array, radius: float = 1.0) -> Array:
-        """(T, K) elevation at azimuths (K,) [rad] and a share of the radius [m]."""
+        """Returns surface elevations (T, K) [m] at azimuths [rad] and a relative radius."""
         roots = self._k * self.radius
         at = np.full(len(azimuths), radius)
         shapes = [
@@ -109,7 +109,7 @@ class CylinderWaves:
         return np.asarray(amplitudes @ np.array(shapes))
 
     def rates(self, state: Array, push: Array) -> Array:
-        """Rates (2, modes) of the amplitudes of elevation and surface potential.
+        """Returns the time derivatives (2, modes) of the elevation and potential amplitudes.
 
         Args:
             state: (2, modes) [m, m²/s].
@@ -121,7 +121,7 @@ class CylinderWaves:
         return np.stack([self._k * self._tanh * psi, linear]) + self.nonlinear(eta, psi)
 
     def nonlinear(self, eta: Array, psi: Array) -> Array:
-        """(2, modes) the terms beyond the linear ones, up to the order."""
+        """Returns the nonlinear part (2, modes) of the time derivatives, up to the order."""
         height = eta @ self._shapes
         slope = np.stack([eta @ self._along, eta @ self._around])
         drift = np.stack([psi @ self._along, psi @ self._around])
@@ -138,7 +138,7 @@ class CylinderWaves:
         return np.stack([rise @ self._project, pressure @ self._project])
 
     def _vertical(self, height: Array, psi: Array) -> list[Array]:
-        """The vertical velocity at the surface on the grid, by order."""
+        """Returns the vertical velocities at the surface on the grid, one entry per order."""
         powers = [height**k / math.factorial(k) for k in range(self.order)]
         potentials = [psi]
         for m in range(2, self.order + 1):
@@ -153,12 +153,12 @@ class CylinderWaves:
         ]
 
     def _risen(self, amplitudes: Array, times: int) -> Array:
-        """Derivative of so many times along z at the still level, on the grid."""
+        """Returns the n-th derivative along z at the still level, on the grid."""
         rate = self._k**times * (self._tanh if times % 2 else 1.0)
         return np.asarray((rate * amplitudes) @ self._shapes)
 
     def simulate(self, times: Array, push: Array, steps: int = 2) -> Array:
-        """Amplitudes (T, modes) of the elevation from rest [m].
+        """Simulates from rest; returns the elevation's amplitudes (T, modes) [m].
 
         Args:
             times: (T,) [s].
@@ -183,7 +183,7 @@ class CylinderWaves:
 
 
 def frequency_shifts(depth: float) -> tuple[float, float]:
-    """Δω/ω per (a/R)² of the first mode in a wave to and fro, and in one that goes round.
+    """Returns Δω/ω per (a/R)² of the first mode, for a planar and for a rotating wave.
 
     By harmonic balance to the third order; a is the height on the wall. Miles 1984; Lukovsky 1990.
 

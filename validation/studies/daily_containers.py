@@ -1,4 +1,4 @@
-"""Twelve containers of daily life: modes, heights, and how hard one may accelerate.
+"""Tabulates modes, heights and allowed accelerations of twelve everyday containers.
 
     tools/run python validation/studies/daily_containers.py [--docs]
 
@@ -45,7 +45,7 @@ SECONDS, RATE = 3.0, 500.0
 
 
 def hexagon(reach: float) -> tuple[tuple[float, float], ...]:
-    """Corners of a regular hexagon [m]."""
+    """Returns the corners of a regular hexagon [m]."""
     angles = [k * math.pi / 3.0 for k in range(6)]
     return tuple((reach * math.cos(a), reach * math.sin(a)) for a in angles)
 
@@ -85,7 +85,7 @@ CONTAINERS: dict[str, SolvedContainer] = {
 
 
 def highest(model: Model) -> float:
-    """Greatest height after 1 m/s² along x is switched on [m]."""
+    """Returns the maximum height [m] after a step of the acceleration to 1 m/s² along x."""
     t = np.arange(0.0, SECONDS, 1.0 / RATE)
     acceleration = np.zeros((len(t), 3))
     acceleration[1:, 0] = 1.0
@@ -94,7 +94,7 @@ def highest(model: Model) -> float:
 
 
 def row(name: str, container: SolvedContainer) -> str:
-    """A line of the table."""
+    """Formats one container's table row."""
     model = Model(container, modes=3)
     first = mode_table(model, 1)[0]
     peak = highest(model)
@@ -124,7 +124,7 @@ HEAD = (
 
 
 def draw(path: Path) -> None:
-    """All containers with their first mode."""
+    """Draws all containers with their first sloshing mode to a file."""
     with new_picture(path, (9.6, 7.6)) as figure:
         places = figure.subplots(3, 4).flat
         for axes, (name, container) in zip(places, CONTAINERS.items(), strict=True):
@@ -135,7 +135,7 @@ def draw(path: Path) -> None:
 
 
 def main() -> int:
-    """Prints the table; with --docs writes the page's."""
+    """Prints the table; with --docs also writes it and the picture to the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--docs", action="store_true", help="write table and picture")
     arguments = parser.parse_args()

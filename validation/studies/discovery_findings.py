@@ -1,4 +1,4 @@
-"""Measure the tables of docs/results/discovery_findings.md: results on known data.
+"""Runs the discovery on published data; fills docs/results/discovery_findings.md.
 
     tools/run python validation/studies/discovery_findings.py [dl22] [cfd] [untilted] [tilted]
 
@@ -49,7 +49,7 @@ TILTED_FIT = ("Tilt_LE_2D_0m_6.5s_20deg", "Tilt_RD_2D_0.3m_7s_30deg", "Tilt_TRD_
 
 
 def main() -> int:
-    """Fills the tables that are asked for."""
+    """Runs the discoveries named on the command line and fills their tables."""
     wanted = sys.argv[1:] or ["dl22", "cfd", "untilted", "tilted"]
     for name in wanted:
         for table, text in {"dl22": dl22, "cfd": cfd, "untilted": untilted, "tilted": tilted}[
@@ -61,7 +61,7 @@ def main() -> int:
 
 
 def dl22() -> Iterable[tuple[str, str]]:
-    """The 3D-NL model's heights with noise; the base is 2D-L."""
+    """Runs the discovery on simulated 3D-NL heights with noise; the base model is 2D-L."""
     truth = Model(CUP).spatial().nonlinear()
     fit, held_out = (
         [dl22_motion(truth, name, seed) for seed, name in enumerate(names, start=start)]
@@ -71,7 +71,7 @@ def dl22() -> Iterable[tuple[str, str]]:
 
 
 def dl22_motion(truth: Model, name: str, seed: int) -> MeasuredMotion:
-    """One of their motions, with a dwell, as a camera sees it."""
+    """Returns one motion of DL22 and a rest, with simulated camera heights."""
     motion = make_motion(name, 500.0)
     still = np.arange(1, round(DWELL * 500.0) + 1) / 500.0
     t = np.concatenate([motion.t, motion.t[-1] + still])
@@ -85,7 +85,7 @@ def dl22_motion(truth: Model, name: str, seed: int) -> MeasuredMotion:
 
 
 def cfd() -> Iterable[tuple[str, str]]:
-    """One of the two motions held out, and both fitted, for two bases."""
+    """Runs the discovery on two CFD motions, for two base models."""
     one, other = (read_motions(DATA / "cfd" / f"{name}.csv.gz") for name in ("e1", "l1"))
     for base in (Model(CUP), Model(CUP).spatial().nonlinear()):
         yield f"cfd_e1 {base.name}", described(discover(one, base, other))
@@ -97,7 +97,7 @@ def cfd() -> Iterable[tuple[str, str]]:
 
 
 def flow_table(base: Model, found: Model) -> str:
-    """Both models on motions that no discovery saw, solved by potential flow."""
+    """Compares base and found model with potential flow on motions not used before."""
     lines = [
         "| motion | highest | ε before | ε after | rms before | rms after |",
         "|---|--:|--:|--:|--:|--:|",
@@ -120,7 +120,7 @@ def flow_table(base: Model, found: Model) -> str:
 
 
 def flow_motion(name: str, share: float) -> Inputs:
-    """A planar motion of Di Leva et al. with a dwell, a share of its acceleration."""
+    """Returns a planar motion of DL22 and a rest, with its acceleration scaled by a share."""
     motion = make_motion(name, 200.0)
     still = np.arange(1, round(DWELL * 200.0) + 1) / 200.0
     acceleration = np.vstack([share * motion.acceleration, np.zeros((len(still), 3))])
@@ -128,18 +128,18 @@ def flow_motion(name: str, share: float) -> Inputs:
 
 
 def untilted() -> Iterable[tuple[str, str]]:
-    """The runs without tilt, base 2D-NL; half of them held out."""
+    """Runs the discovery on the measured runs without tilt; the base model is 2D-NL."""
     yield "untilted", described(robot_runs(UNTILTED_FIT, "", Model(ROBOT_CUP).nonlinear()))
 
 
 def tilted() -> Iterable[tuple[str, str]]:
-    """The runs with tilt, base 3D-NL blind to the attitude; half of them held out."""
+    """Runs the discovery on the measured runs with tilt; the base model ignores the tilt."""
     base = Model(ROBOT_CUP).nonlinear().spatial()
     yield "tilted", described(robot_runs(TILTED_FIT, "Tilt", base))
 
 
 def robot_runs(names: Sequence[str], prefix: str, base: Model) -> Finding:
-    """Discovers from some runs of a kind; the others of the kind are held out.
+    """Runs the discovery on some measured runs of a kind; the others are held out.
 
     The runs along one path were measured together, with one set-up of cameras and cup.
     """
@@ -150,7 +150,7 @@ def robot_runs(names: Sequence[str], prefix: str, base: Model) -> Finding:
 
 
 def runs_of_kind(prefix: str) -> dict[str, list[MeasuredMotion]]:
-    """The tilted runs (prefix "Tilt") or the others (""), by name, each path's runs a group."""
+    """Reads the measured runs with or without tilt by name; each path's runs form a group."""
     with tempfile.TemporaryDirectory() as folder:
         bags = sorted(import_antisloshing(DATA / "antisloshing", Path(folder)))
         return {
@@ -161,29 +161,13 @@ def runs_of_kind(prefix: str) -> dict[str, list[MeasuredMotion]]:
 
 
 def path_of(run: str) -> str:
-    """LE, RD or TRD."""
+    """Returns the path's name in a run's name: LE, RD or TRD."""
     return run.removeprefix("Tilt_").partition("_")[0]
 
 
 def described(finding: Finding) -> str:
-    """A finding as Markdown."""
-    most = max((effect.confidence for effect in finding.effects), default=finding.confidence)
-    effects = [_named(effect, most) for effect in finding.effects]
-    gap = finding.gap
-    tried = [candidate for candidate in finding.candidates if not candidate.reason]
-    best, *others = [row for row in tried[:5] if row.probability >= LEAST_PROBABILITY]
-    words = [
-        f"{' + '.join(marked(row.effects, row.per_group)) or 'the base'} ({row.probability:.3f})"
-        for row in others
-    ]
+    """Formats a discovery's result as two Markdown tables: motions and verdict."""
     lines = [
-        f"Verdict `{finding.verdict.value}`, confidence {most:.2f}: "
-        f"{', '.join(effects) or 'no effect'}.",
-        f"Residual {1e3 * best.fit_rms:.2f} mm rms, left out {1e3 * best.holdout_rms:.2f} mm."
-        + (f" Other explanations, with their probabilities: {'; '.join(words)}." if words else ""),
-    ]
-    lines += [
-        "",
         "| motion | used for | MAE before | MAE after | ε before | ε after |",
         "|---|---|--:|--:|--:|--:|",
     ]
@@ -196,16 +180,38 @@ def described(finding: Finding) -> str:
         )
     if sum(case.role is judged_by(finding) for case in finding.motions) > 1:
         lines.append(_mean_row(finding))
-    lines += [
-        "",
-        f"Removable gap closed on the {WORDS[judged_by(finding)]} motions: "
-        f"{1e2 * gap.closed:.0f} %.",
+    return "\n".join([*lines, "", *_verdict_table(finding)])
+
+
+def _verdict_table(finding: Finding) -> list[str]:
+    """Formats verdict, effects, remaining error and alternatives as table lines."""
+    most = max((effect.confidence for effect in finding.effects), default=finding.confidence)
+    tried = [candidate for candidate in finding.candidates if not candidate.reason]
+    best, *others = [row for row in tried[:5] if row.probability >= LEAST_PROBABILITY]
+    rows = [("verdict", f"{finding.verdict.value}, confidence {most:.2f}")]
+    rows += [("effect", _named(effect, most)) for effect in finding.effects]
+    rows.append(
+        ("residual, left out [mm rms]", f"{1e3 * best.fit_rms:.2f}, {1e3 * best.holdout_rms:.2f}")
+    )
+    rows += [
+        (
+            "other explanation",
+            f"{' + '.join(marked(row.effects, row.per_group)) or 'the base'} "
+            f"(probability {row.probability:.3f})",
+        )
+        for row in others
     ]
-    return "\n".join(lines)
+    rows.append(
+        (
+            f"removable gap closed, {WORDS[judged_by(finding)]} motions",
+            f"{1e2 * finding.gap.closed:.0f} %",
+        )
+    )
+    return ["| result | value |", "|---|---|", *(f"| {name} | {value} |" for name, value in rows)]
 
 
 def judged_by(finding: Finding) -> Role:
-    """The motions that count: those held out, if there are any."""
+    """Returns which motions decide: the held-out ones if there are any, else the fitted."""
     held = any(case.role is Role.HOLDOUT for case in finding.motions)
     return Role.HOLDOUT if held else Role.FIT
 
@@ -222,17 +228,17 @@ def _mean_row(finding: Finding) -> str:
 
 
 def _named(effect: FoundEffect, most: float) -> str:
-    """An effect with what was fitted, and its confidence if that is less than the greatest."""
+    """Formats a found effect with its fitted parameters, and its confidence if lower."""
     notes = [_fitted(effect)] if _fitted(effect) != "–" else []
     if effect.confidence < most - 0.015:
         notes.append(f"confidence {effect.confidence:.2f}")
     if effect.alternatives:
         notes.append(f"or {', '.join(effect.alternatives)}")
-    return f"`{effect.name}`" + (f" ({'; '.join(notes)})" if notes else "")
+    return effect.name + (f" ({'; '.join(notes)})" if notes else "")
 
 
 def _fitted(effect: FoundEffect) -> str:
-    """The parameters, those of each group after its name."""
+    """Formats an effect's fitted parameters, for each group of motions if they differ."""
     if not effect.by_group:
         return _values(effect.parameters)
     return "; ".join(

@@ -1,4 +1,4 @@
-"""Frequency, damping and sloshing mass from simulated force sensors.
+"""Measures the accuracy of the identification from force with simulated sensors.
 
 Usage: tools/run python validation/studies/force_accuracy.py [--seeds N] [--tuned]
 
@@ -22,10 +22,10 @@ GOALS = {"natural frequency": 0.01, "damping ratio": 0.15, "sloshing mass": 0.05
 
 
 def main() -> None:
-    """Prints a table."""
+    """Identifies random cups from simulated forces and prints a table of errors."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=40)
-    parser.add_argument("--tuned", action="store_true", help="the even seeds")
+    parser.add_argument("--tuned", action="store_true", help="use the even seeds, for tuning")
     parser.add_argument("--each", action="store_true", help="print each seed")
     arguments = parser.parse_args()
     errors: list[list[float]] = []

@@ -1,4 +1,4 @@
-"""Inputs as honest robots give them, for tests: random motions, sensors with their usual faults.
+"""Simulates random robot motions and sensors with usual errors, for tests of input checks.
 
 A container is moved by jerk-limited moves, long accelerations, circles, shakes and slow drives,
 and rests in between; it tilts against the acceleration, is poured from, or spins. The sensor has
@@ -23,7 +23,7 @@ FASTEST = 2.5
 
 @dataclass(frozen=True)
 class HonestInput:
-    """What sensors tell of an honest motion.
+    """Simulated sensor data of a random motion without gross faults.
 
     Attributes:
         stamps: (N,) [ns].
@@ -45,7 +45,7 @@ class HonestInput:
 
 
 def honest_input(seed: int) -> HonestInput:
-    """An input by its seed."""
+    """Returns the simulated sensor data for a seed."""
     random = np.random.default_rng(seed)
     rate = float(random.choice([50.0, 125.0, 250.0, 500.0]))
     pieces = [np.zeros((int(rate * random.choice([0.0, 0.3, 1.0, 3.0])), 3))]
@@ -75,7 +75,7 @@ def honest_input(seed: int) -> HonestInput:
 
 
 def _move(random: np.random.Generator, rate: float) -> Array:
-    """Accelerations (M, 3) of a move that begins and ends at rest."""
+    """Draws accelerations (M, 3) of a move that begins and ends at rest [m/s²]."""
     kind = random.choice(
         ["point", "long", "circle", "shake", "drive"], p=[0.4, 0.2, 0.1, 0.2, 0.1]
     )
@@ -122,7 +122,7 @@ def _direction(random: np.random.Generator) -> Array:
 
 
 def _attitude(random: np.random.Generator, kind: str, acceleration: Array, t: Array) -> Rotation:
-    """Upright, tilting against the acceleration, poured from or spinning."""
+    """Draws an attitude over time: upright, tilting, pouring or spinning."""
     turn = Rotation.from_rotvec(np.zeros((len(t), 3)))
     if kind == "tilt":
         up = random.uniform(0.3, 1.0) * acceleration + UP
@@ -146,7 +146,7 @@ def _attitude(random: np.random.Generator, kind: str, acceleration: Array, t: Ar
 
 
 def _faults(random: np.random.Generator, t: Array) -> Array:
-    """Noise, vibration, bias and drift of a sensor (N, 3) [m/s²]."""
+    """Draws noise, vibration, bias and drift of a sensor, (N, 3) [m/s²]."""
     noise = random.choice([0.0, 0.01, 0.05]) * random.normal(size=(len(t), 3))
     frequency, size = random.uniform(5.0, 80.0), random.choice([0.0, 0.1, 0.5])
     shake = np.sin(2.0 * np.pi * frequency * t + random.uniform(0.0, 6.0))

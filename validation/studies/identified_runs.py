@@ -1,4 +1,4 @@
-"""Measures anew the tables of docs/identify.md: a robot's measured cup, identified.
+"""Identifies a robot's measured cup and fills the tables of docs/identify.md.
 
     tools/run python validation/studies/identified_runs.py
 
@@ -47,7 +47,7 @@ Motions = Mapping[str, MeasuredMotion]
 
 
 def main() -> int:
-    """Fills the tables."""
+    """Identifies the models and fills the tables."""
     runs = untilted_runs(DATA / "antisloshing")
     decays = {name: free_decay(run) for name, run in runs.items()}
     for name, make in (("runs", by_run), ("joint", joint)):
@@ -58,7 +58,7 @@ def main() -> int:
 
 
 def untilted_runs(folder: Path) -> dict[str, MeasuredMotion]:
-    """The runs in which the cup stays upright, by name."""
+    """Reads the measured runs in which the cup stays upright, by name."""
     model = driven_model()
     with tempfile.TemporaryDirectory() as room:
         bags = sorted(import_antisloshing(folder, Path(room)))
@@ -67,12 +67,12 @@ def untilted_runs(folder: Path) -> dict[str, MeasuredMotion]:
 
 
 def driven_model() -> Model:
-    """3D-NL: what describes the moving cup best."""
+    """Returns the 3D-NL model of the cup, which describes the moving cup best."""
     return CUP.spatial().nonlinear()
 
 
 def free_decay(run: MeasuredMotion) -> MeasuredMotion:
-    """The wave after a run's motion.
+    """Returns the free decay of the wave after a run's motion, as a measured motion.
 
     The cameras see the near side of the wall, so that the height swings to both sides of the still
     level: it is taken for the height at one place there.
@@ -90,7 +90,7 @@ def free_decay(run: MeasuredMotion) -> MeasuredMotion:
 
 
 def by_run(runs: Motions, decays: Motions) -> str:
-    """Each run by itself: from its motion, and from the decay after it."""
+    """Tabulates what each run gives alone: from its motion, and from the decay after it."""
     lines = [
         "| run | ω₁ from the motion | ζ | rms | ω₁ from the decay after it | ζ | rms |",
         "|---|--:|--:|--:|--:|--:|--:|",
@@ -110,7 +110,7 @@ def by_run(runs: Motions, decays: Motions) -> str:
 
 
 def joint(runs: Motions, decays: Motions) -> str:
-    """All decays together, half of the motions together, and the other half predicted."""
+    """Tabulates what all decays and half of the motions give, with predictions of the rest."""
     lines = [
         "| from | ω₁ [rad/s] | ζ | h [mm] | errors raised by |", "|---|--:|--:|--:|--:|"
     ]  # fmt: skip
@@ -142,17 +142,17 @@ def joint(runs: Motions, decays: Motions) -> str:
 
 
 def sigma_of(model: Model, runs: Sequence[MeasuredMotion]) -> list[float]:
-    """MAE of a model for runs, with nothing but their clocks fitted [m]."""
+    """Returns the model's MAE for each run [m]; only the clock offsets are fitted."""
     return [motion.sigma for motion in answered(runs, model)]
 
 
 def values_of(found: Identification) -> list[float]:
-    """Of the parameters."""
+    """Returns the values of the identified parameters."""
     return [entry.value for entry in found.overall.parameters]
 
 
 def cells_of(found: Identification) -> list[str]:
-    """The parameters with their standard errors, and the residual [mm]."""
+    """Formats the identified parameters with standard errors, and the residual [mm]."""
     return [
         *(shown(entry) for entry in found.overall.parameters),
         f"{1e3 * found.overall.seoe:.2f}",
@@ -160,13 +160,13 @@ def cells_of(found: Identification) -> list[str]:
 
 
 def shown(entry: FoundParameter) -> str:
-    """A parameter with its standard error."""
+    """Formats an identified parameter with its standard error."""
     text = shown_value(entry.name, entry.unit, entry.value, entry.error)
     return f"{text.value} ± {text.error}"
 
 
 def interval(entry: FoundParameter) -> str:
-    """A parameter with its 95 % interval."""
+    """Formats an identified parameter with its 95 % interval."""
     low, high = (
         shown_value("", entry.unit, end, entry.error).value for end in (entry.lower, entry.upper)
     )

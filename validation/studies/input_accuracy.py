@@ -1,4 +1,4 @@
-"""Write the table of docs/robot.md: what each input of the estimator makes of the same motions.
+"""Compares the height errors of all kinds of estimator input for the same motions.
 
 tools/run python validation/studies/input_accuracy.py --docs
 
@@ -42,7 +42,7 @@ HEAD = "| input | Hz | resolution [mm] | no jitter | 1 ms | 4 ms |\n|---|--:|--:
 
 
 class Motion(NamedTuple):
-    """Joint positions over time, and the wave that belongs to them.
+    """A robot arm's joint positions over time, and the true wave height.
 
     Attributes:
         end: of the record [s].
@@ -57,14 +57,14 @@ class Motion(NamedTuple):
 
 
 class Sampled(NamedTuple):
-    """How a robot tells its motion: rate [Hz], resolution [m], jitter [s]."""
+    """How a robot publishes its motion: rate [Hz], resolution [m], jitter [s]."""
 
     rate: float
     resolution: float
     jitter: float
 
     def times(self, end: float, seed: int) -> Array:
-        """(N,) when it does [s], rising."""
+        """Draws increasing publishing times (N,) [s]."""
         random = np.random.default_rng(seed)
         count = int(end * self.rate)
         t = (np.arange(count) + 1.0) / self.rate + random.uniform(-1, 1, count) * self.jitter
@@ -72,13 +72,13 @@ class Sampled(NamedTuple):
         return np.asarray(stamps * 1e-9, dtype=np.float64)
 
     def rounded(self, values: Array, unit: float = 1.0) -> Array:
-        """Values to the resolution; `unit`: how many of theirs a metre is."""
+        """Rounds values to the resolution; `unit` is the value of one metre."""
         quantum = self.resolution * unit
         return np.asarray(np.round(values / quantum) * quantum, dtype=np.float64)
 
 
 def motion(seed: int) -> Motion:
-    """The arm swings as a random move goes."""
+    """Returns a random motion of the robot arm for a seed."""
     move = moves(seed)
 
     def joints(t: Array) -> Array:
@@ -96,7 +96,7 @@ def motion(seed: int) -> Motion:
 
 
 def by_poses(robot: Motion, sampled: Sampled, t: Array) -> Iterator[Sample]:
-    """Samples of a tracker's poses."""
+    """Yields input samples from simulated tracker poses."""
     reader = settings("pose").reader("pose")
     assert isinstance(reader, PoseInput)
     q = robot.joints(t)
@@ -106,7 +106,7 @@ def by_poses(robot: Motion, sampled: Sampled, t: Array) -> Iterator[Sample]:
 
 
 def by_joints(robot: Motion, sampled: Sampled, t: Array) -> Iterator[Sample]:
-    """Samples of joint states; encoders resolve as much as the cup's place needs."""
+    """Yields input samples from simulated joint states with encoder resolution."""
     how = settings("joints")._replace(urdf=RAIL_URDF, tool_frame="cup")
     reader, poses = how.reader("joints"), how.poses("joints")
     assert isinstance(reader, PoseInput)
@@ -118,7 +118,7 @@ def by_joints(robot: Motion, sampled: Sampled, t: Array) -> Iterator[Sample]:
 
 
 def by_velocities(robot: Motion, sampled: Sampled, t: Array, kind: str) -> Iterator[Sample]:
-    """Samples of odometry or twists; velocities resolve as positions do in WINDOW."""
+    """Yields input samples from simulated odometry or twists."""
     reader, q = settings(kind).reader(kind), robot.joints(t)
     assert isinstance(reader, VelocityInput)
     before, after = (robot.joints(t + k * STEP) for k in (-1, 1))
@@ -147,12 +147,12 @@ INPUTS: dict[str, Made] = {
 
 
 def settings(kind: str) -> InputSettings:
-    """How the inputs are read: as a node does."""
+    """Returns the input settings as the estimator node uses them."""
     return InputSettings(kind, GateSettings(max_gap=0.2, confirms=False), modes=modes_of(MODEL))
 
 
 def error(robot: Motion, sampled: Sampled, made: Made, seed: int) -> float:
-    """The rms of the height's error, relative to the peak."""
+    """Returns the rms height error of an input relative to the peak height."""
     samples = list(made(robot, sampled, sampled.times(robot.end, seed)))
     found = Estimator(MODEL).update_many(Samples.of(samples))
     true = np.interp(found.stamps * 1e-9, robot.t, robot.wave)
@@ -160,7 +160,7 @@ def error(robot: Motion, sampled: Sampled, made: Made, seed: int) -> float:
 
 
 def rows(robots: Sequence[Motion]) -> Iterator[str]:
-    """The table's rows."""
+    """Yields the table rows, one for each input, rate and resolution."""
     for name, made in INPUTS.items():
         for rate in RATES:
             for resolution in RESOLUTIONS:
@@ -176,7 +176,7 @@ def rows(robots: Sequence[Motion]) -> Iterator[str]:
 
 
 def main() -> int:
-    """Measures all."""
+    """Measures all inputs and prints or writes the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--motions", type=int, default=8)
     parser.add_argument("--docs", action="store_true", help="write the table")

@@ -1,4 +1,4 @@
-"""Measures plans of joints against toppra and uniform slowing, and fills a table in docs/plan.md.
+"""Compares plans of joint paths with toppra and uniform slowing; fills docs/plan.md.
 
     tools/run python -m pip install --no-deps -r requirements/robots.txt
     tools/run python validation/studies/joint_plan_tables.py ROWS.jsonl [--cases 70] [--docs]
@@ -53,7 +53,7 @@ TOLERANCE = 2e-3
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """A robot: its description in example-robot-data or AntiSloshing, and where the cup is."""
+    """A robot: its URDF file, and the pose of the cup on it."""
 
     urdf: str
     link: str
@@ -82,7 +82,7 @@ MACHINES = {
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One case; times in s, NaN where there is none.
+    """Results of one joint path: durations [s], largest excess over a limit.
 
     `excess` is the largest share by which any limit is exceeded, by other means than the plan's.
     """
@@ -101,12 +101,12 @@ class Row:
 
     @property
     def case(self) -> tuple[str, int]:
-        """What tells it from others."""
+        """Robot and seed, which identify the case."""
         return self.machine, self.seed
 
 
 def description(machine: Machine, folder: Path | None = None) -> str:
-    """The URDF with a link `cup`, whose z axis is the cup's.
+    """Returns the robot's URDF with an added link `cup`.
 
     Args:
         machine: the robot.
@@ -127,7 +127,7 @@ def description(machine: Machine, folder: Path | None = None) -> str:
 
 
 class Kinematics:
-    """Inverse kinematics of a cup, by damped least squares."""
+    """Inverse kinematics of a cup on a robot, by damped least squares."""
 
     def __init__(self, urdf: str, joints: Sequence[str]) -> None:
         self._pin: Any = importlib.import_module("pinocchio")
@@ -140,7 +140,7 @@ class Kinematics:
         self.upper = self._model.upperPositionLimit[self._q]
 
     def at(self, joints: Array, place: Array, yaw: float, lean: float) -> Array | None:
-        """(J,) joints at which the cup is there, from others; None: none was found."""
+        """Returns joint positions (J,) for a cup pose; None if none are found."""
         pin = self._pin
         turn = pin.utils.rotate("z", yaw) @ pin.utils.rotate("x", lean)
         target, q = pin.SE3(turn, place), pin.neutral(self._model)
@@ -165,7 +165,7 @@ class Kinematics:
 
 
 def random_path(hand: Kinematics, seed: int) -> tuple[Array, bool]:
-    """(POINTS, J) joints along a curve of the cup, and whether it leans."""
+    """Returns joint positions (POINTS, J) along a random cup curve, and whether it tilts."""
     rng = np.random.default_rng(seed)
     leans = bool(seed % 2)
     share = np.linspace(0.0, 1.0, POINTS)
@@ -188,13 +188,9 @@ def random_path(hand: Kinematics, seed: int) -> tuple[Array, bool]:
             return np.array(found), leans
 
 
-def leg_time(arm: Arm, limits: JointLimits, leg: Leg) -> float:
-    """The shortest time along a leg for the joints' limits but the jerk's, by toppra [s]."""
+def joint_constraints(arm: Arm, limits: JointLimits) -> list[Any]:
+    """Returns the joints' limits except the jerk's as constraints of toppra."""
     ta: Any = importlib.import_module("toppra")
-    ta.setup_logging("ERROR")
-    assert isinstance(leg, JointLeg)
-    grid = np.linspace(0.0, leg.length, 400)
-    curve = ta.SplineInterpolator(grid, leg.joint_derivative(grid, 0))
 
     def torque(q: Array, rate: Array, change: Array) -> Array:
         still = np.zeros_like(q)[None]
@@ -206,19 +202,29 @@ def leg_time(arm: Arm, limits: JointLimits, leg: Leg) -> float:
     def both(most: Array) -> Array:
         return np.column_stack([-most, most])
 
-    constraints = [
+    return [
         ta.constraint.JointVelocityConstraint(both(limits.velocity)),
         ta.constraint.JointAccelerationConstraint(both(limits.acceleration)),
         ta.constraint.JointTorqueConstraint(
             torque, both(limits.torque), np.zeros(len(limits.names))
         ),
     ]
+
+
+def leg_time(arm: Arm, limits: JointLimits, leg: Leg) -> float:
+    """The shortest time along a leg for the joints' limits but the jerk's, by toppra [s]."""
+    ta: Any = importlib.import_module("toppra")
+    ta.setup_logging("ERROR")
+    assert isinstance(leg, JointLeg)
+    grid = np.linspace(0.0, leg.length, 400)
+    curve = ta.SplineInterpolator(grid, leg.joint_derivative(grid, 0))
+    constraints = joint_constraints(arm, limits)
     found = ta.algorithm.TOPPRA(constraints, curve, gridpoints=grid).compute_trajectory(0.0, 0.0)
     return float("nan") if found is None else float(found.duration)
 
 
 def excess(arm: Arm, answer: Plan, limits: PlanLimits) -> float:
-    """Largest share by which a limit is exceeded, from the joints' positions alone."""
+    """Returns the largest relative excess over a joint limit, from positions only."""
     joints, step = answer.found.motion.joints, answer.found.motion.step
     assert joints is not None
     used = [
@@ -246,7 +252,7 @@ def excess(arm: Arm, answer: Plan, limits: PlanLimits) -> float:
 
 
 def measure(name: str, seed: int, folder: Path | None = None) -> Row:
-    """One case; `folder`: of the AntiSloshing data."""
+    """Plans one joint path and returns the results."""
     machine = MACHINES[name]
     text = description(machine, folder if name == COMAU else None)
     arm = Arm(text, "cup", name)
@@ -272,7 +278,7 @@ def measure(name: str, seed: int, folder: Path | None = None) -> Row:
 
 
 def table(rows: Sequence[Row]) -> str:
-    """The table and a sentence."""
+    """Formats the results as a table and a sentence."""
     lines = [
         "| robot | paths | planned | optimal | time / slowed law | time / toppra | "
         "largest excess | planning, median [s] | longest [s] |",
@@ -298,10 +304,14 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def main() -> int:
-    """Measures what is missing, prints the table; exit code 1 where a limit is exceeded."""
+    """Plans missing cases and prints the table; returns 1 if a limit is exceeded."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("rows", type=Path, help="measured rows, JSON lines; grows")
-    parser.add_argument("--cases", type=int, default=100, help="of each robot (default: 100)")
+    parser.add_argument(
+        "rows", type=Path, help="file of results as JSON lines, extended by each run"
+    )
+    parser.add_argument(
+        "--cases", type=int, default=100, help="number of cases of each robot (default: 100)"
+    )
     parser.add_argument("--first", type=int, default=0, help="first seed (default: 0)")
     parser.add_argument(
         "--antisloshing", type=Path, help=f"folder with {MACHINES[COMAU].urdf}: the Comau, too"

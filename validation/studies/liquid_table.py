@@ -1,4 +1,4 @@
-"""Write the table and the pictures of docs/results/liquids.md: which liquids are measured.
+"""Measures rendered scenes of many liquids; fills docs/results/liquids.md.
 
 tools/run python validation/scenes/render.py liquids --no-masks -o out/liquids
 tools/run python validation/studies/liquid_table.py out/liquids --docs
@@ -35,7 +35,7 @@ COLUMNS, SIZE = 4, (360, 270)
 
 
 def main() -> int:
-    """Measures every scene of a folder."""
+    """Measures every scene in a folder and prints or writes the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--docs", action="store_true", help="write table and pictures")
@@ -56,7 +56,7 @@ def main() -> int:
 
 
 def measured(sequence: RenderedSequence, about: str) -> tuple[str, Image]:
-    """A liquid's row, and its highest image with what was measured in it."""
+    """Measures a liquid's scene; returns its table row and the image of the highest wave."""
     highest = max(sequence.frames, key=lambda frame: frame.msh)
     plain = read_image(highest.path)
     try:
@@ -79,7 +79,7 @@ def measured(sequence: RenderedSequence, about: str) -> tuple[str, Image]:
 
 
 def verdict(share: float, silent: int, frames: Sequence[FrameResult]) -> str:
-    """What a user can make of it."""
+    """Describes in words how well a liquid can be measured."""
     if share < DOUBTFUL:
         flags = {str(flag.name) for frame in frames for flag in frame.measured.flags}
         return f"not measurable ({', '.join(sorted(flags))})"
@@ -89,7 +89,7 @@ def verdict(share: float, silent: int, frames: Sequence[FrameResult]) -> str:
 
 
 def labelled(picture: Image, text: str) -> Image:
-    """The picture at the sheet's size with its number."""
+    """Scales an image to the sheet's cell and writes its number on it."""
     small = cv2.resize(picture, SIZE, interpolation=cv2.INTER_AREA)
     for colour, width in (((0, 0, 0), 5), ((255, 255, 255), 2)):
         cv2.putText(small, text, (8, 34), cv2.FONT_HERSHEY_SIMPLEX, 1.1, colour, width,
@@ -98,7 +98,7 @@ def labelled(picture: Image, text: str) -> Image:
 
 
 def sheet(pictures: Sequence[Image]) -> Image:
-    """All pictures, COLUMNS beside each other."""
+    """Arranges all images in rows of COLUMNS."""
     blank = np.full_like(pictures[0], 255)
     padded = [*pictures, *[blank] * (-len(pictures) % COLUMNS)]
     rows = [np.hstack(padded[k : k + COLUMNS]) for k in range(0, len(padded), COLUMNS)]

@@ -1,4 +1,4 @@
-"""Models beside a measured tank: identified on the first half of a record, tried on the second.
+"""Compares models with a measured tank: identified on half of a record, tested on the rest.
 
 The wave at a wall of a tank 1.73 m wide in forced sway (Faltinsen, Rognebakke, Lukovsky, Timokha,
 J. Fluid Mech. 407, 2000), from SLOSH_SHARED_DATA or ../shared/data. Writes the tables of
@@ -54,20 +54,20 @@ M1 = ("natural_frequency", "damping_ratio")
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """Heights at the probe: times [s] and heights [m]."""
+    """Heights [m] at the tank's probe over time [s]."""
 
     t: Array
     height: Array
 
     def half(self, *, second: bool) -> Record:
-        """The part that is identified on, or the one that is predicted."""
+        """Returns the half of the record for identification, or that for prediction."""
         chosen = (self.t >= HALF) == second
         return Record(self.t[chosen], self.height[chosen])
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A model, what was found of its parameters, and its heights at given times."""
+    """A model's name, identified parameters as text, and heights over time."""
 
     name: str
     found: str
@@ -75,7 +75,7 @@ class Candidate:
 
 
 def main() -> int:
-    """Runs the command; returns its exit code."""
+    """Compares the models and writes the tables; returns the exit code."""
     file = DATA / "faltinsen2000" / "height.csv"
     if not file.is_file():
         print(f"measured_tank: {file} is not there; set SLOSH_SHARED_DATA", file=sys.stderr)
@@ -95,42 +95,42 @@ def main() -> int:
 
 
 def read(file: Path) -> Record:
-    """The digitised points in the order of their times; of two at one time the first."""
+    """Reads the digitised heights in order of time, one for each time."""
     points = np.loadtxt(file, delimiter=",", skiprows=1)
     t, first = np.unique(points[:, 0], return_index=True)
     return Record(t, points[first, 1])
 
 
 def acceleration(t: Array) -> Array:
-    """Of the tank along x [m/s²]."""
+    """Returns the tank's acceleration along x at given times [m/s²]."""
     rate = 2.0 * math.pi / PERIOD
     return np.asarray(-AMPLITUDE * rate**2 * np.cos(rate * t))
 
 
 def inputs() -> Inputs:
-    """The sway as the models take it."""
+    """Returns the tank's sway as simulation input."""
     t = np.arange(0.0, 10.2, 0.002)
     return Inputs(t, np.column_stack((acceleration(t), np.zeros((len(t), 2)))))
 
 
 def motion(record: Record) -> MeasuredMotion:
-    """A part of the record as a measured motion."""
+    """Returns a part of the record as a measured motion."""
     eta = record.height[:, np.newaxis]
     return MeasuredMotion("tank", inputs(), record.t, eta=eta, eta_azimuth=WALL)
 
 
 def base() -> Model:
-    """The pendulum with the frequency of linear theory."""
+    """Returns the pendulum model with the frequency of linear theory."""
     return Model(Rectangle(WIDTH, DEPTH, FILL_HEIGHT), damping_ratio=0.005)
 
 
 def multimodal() -> Model:
-    """The waves of linear potential theory, with nothing identified."""
+    """Returns the model with many linear modes and no identified parameter."""
     return replace(base(), modes=MODES)
 
 
 def candidates(record: Record) -> list[Candidate]:
-    """Models identified on the first half."""
+    """Identifies all models on the first half of the record."""
     first = record.half(second=False)
     asymmetric = base().with_effect("crest_asymmetry", kappa=0.1)
     return [
@@ -162,7 +162,7 @@ def candidates(record: Record) -> list[Candidate]:
 
 
 def lumped(name: str, first: Record, model: Model, names: Sequence[str]) -> Candidate:
-    """A model of `slosh identify`."""
+    """Identifies a pendulum model with given parameters by `slosh identify`."""
     overall = identify([motion(first)], model, names).overall
     words = {
         "natural_frequency": "ω₀ = {:.2f} ± {:.2f} rad/s",
@@ -181,7 +181,7 @@ def lumped(name: str, first: Record, model: Model, names: Sequence[str]) -> Cand
 
 
 def wave(order: int, first: Record, fits_gain: bool) -> Candidate:
-    """Potential flow, its damping and, on request, the strength of the sway fitted."""
+    """Fits damping, and if requested the sway's strength, of a potential-flow model."""
 
     def heights(t: Array, parameters: Array) -> Array:
         gain = parameters[1] if fits_gain else 1.0
@@ -208,7 +208,7 @@ def wave(order: int, first: Record, fits_gain: bool) -> Candidate:
 
 
 def compared(record: Record, every: Sequence[Candidate]) -> str:
-    """The table of all models on both halves."""
+    """Formats the errors of all models on both halves as a table."""
     text = (
         "| model | identified on the first 5 s | RMS there [mm] | RMS after [mm] | r after | "
         "highest, lowest after [mm] |\n|---|---|--:|--:|--:|--:|\n"
@@ -227,7 +227,7 @@ def compared(record: Record, every: Sequence[Candidate]) -> str:
 
 
 def found_gap(record: Record) -> str:
-    """What the discovery calls the gap that M2, identified on the first half, leaves there."""
+    """Describes the effects that the discovery finds beyond an identified model."""
     first, names = record.half(second=False), (*M1, "p")
     model = identify([motion(first)], base(), names).overall.model
     finding = discover([motion(first)], model)
@@ -241,7 +241,7 @@ def found_gap(record: Record) -> str:
 
 
 def write_files(record: Record) -> None:
-    """The motion tables of both halves, and the model."""
+    """Writes the motion tables of both halves, and the model file."""
     FILES.mkdir(parents=True, exist_ok=True)
     halves = {"first": record.half(second=False), "second": record.half(second=True)}
     for name, part in halves.items():
@@ -258,7 +258,7 @@ def write_files(record: Record) -> None:
 
 
 def told() -> str:
-    """What `slosh discover` answers of the linear multimodal model."""
+    """Returns the output of `slosh discover` for the linear multimodal model."""
     with tempfile.TemporaryDirectory() as folder:
         options = ["--holdout", "second.csv", "--model", "model.yaml", "--json"]
         done = subprocess.run(
@@ -285,7 +285,7 @@ def told() -> str:
 
 
 def millimetres(value: float | None) -> str:
-    """A length [m] for people; a dash for none."""
+    """Formats a length [m] in millimetres; a dash if it is unknown."""
     return "–" if value is None else f"{1e3 * value:.1f}"
 
 

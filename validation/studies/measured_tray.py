@@ -1,4 +1,4 @@
-"""Four measured cups on one tray: predicted intervals beside the measured peaks.
+"""Compares predicted height intervals with measured peaks of four cups on one tray.
 
 A robot carries the tray along an arc and turns it by half a turn in 1.84 s (AntiSloshing, folder
 `tray` of SLOSH_SHARED_DATA or ../shared/data, with the arm's URDF in `antisloshing`). The joints
@@ -35,7 +35,7 @@ from slosh_plan.joints import Arm
 from slosh_plan.planning.joint_limits import limits_of
 from slosh_plan.planning.joint_path import joint_path
 from slosh_plan.planning.limits import PlanLimits
-from slosh_plan.planning.plan import Plan, plan
+from slosh_plan.planning.plan import plan
 from slosh_plan.planning.plan_tray import TrayPlan, plan_tray
 from slosh_plan.robot_file import read_arm
 from slosh_plan.tray import predict_tray
@@ -60,14 +60,14 @@ CUPS = (1, 2, 3, 4)
 
 
 class Order(NamedTuple):
-    """Where the cups stand: a quarter of the first one, and the sense of the others about z."""
+    """Arrangement of the cups on the tray: quarter of the first one, sense of rotation."""
 
     quarter: int
     sense: int
 
 
 def tray_motion() -> Trajectory:
-    """The motion of the tray's centre, upright, in axes that are the world's at its start."""
+    """Returns the measured motion of the tray's centre."""
     arm = read_arm(str(DATA / "antisloshing" / "comau_smartsix5.urdf"), "axes_6")
     joints = joint_rows()
     t = np.arange(len(joints), dtype=np.float64) * STEP
@@ -79,7 +79,7 @@ def tray_motion() -> Trajectory:
 
 
 def diagonal() -> float:
-    """Azimuth of a diagonal of the tray at the start [rad]: between two axes of the flange."""
+    """Returns the azimuth of the tray's diagonal at the start [rad]."""
     arm = read_arm(str(DATA / "antisloshing" / "comau_smartsix5.urdf"), "axes_6")
     _, attitude = arm.poses(JOINTS, joint_rows()[:1])
     across = Rotation.from_quat(attitude[0]).as_matrix()[:, 1]
@@ -87,7 +87,7 @@ def diagonal() -> float:
 
 
 def tray_of(order: Order) -> Tray:
-    """The tray with its cups in an order."""
+    """Returns the tray with its cups in a given arrangement."""
     model = Model(CUP).spatial().nonlinear()
     cups = []
     for index, number in enumerate(CUPS):
@@ -98,13 +98,13 @@ def tray_of(order: Order) -> Tray:
 
 
 def heights(tray: Tray, motion: Trajectory) -> Array:
-    """(4, N) heights of the cups [m]."""
+    """Simulates the heights (4, N) of all cups [m]."""
     inputs = Inputs(motion.t, motion.acceleration, motion.attitude)
     return np.array([simulate(one.placed, inputs)[0].msh for one in tray.containers])
 
 
 def made_order(motion: Trajectory) -> tuple[Order, float]:
-    """The order that agrees best with the makers' heights, and its rms difference [m].
+    """Returns the arrangement that fits the data's own simulation best, and the rms error [m].
 
     Their time begins with the motion, half a second and more after that of the joints.
     """
@@ -124,13 +124,13 @@ def made_order(motion: Trajectory) -> tuple[Order, float]:
 
 
 def measured(number: int) -> float:
-    """The peak of a cup above its still level [m]."""
+    """Returns the measured peak of a cup above its still level [m]."""
     run = loadmat(DATA / "tray" / f"container_{number}_full_slosh_{RUN}_c{number}.mat")
     return float(1e-3 * np.nanmax(run["world_points"][:, 1] - run["h0_point"].item()))
 
 
 def planned(tray: Tray) -> TrayPlan:
-    """The fastest motion along the makers' joints that keeps LIMIT in each cup."""
+    """Plans the fastest motion along the same joint path that keeps a limit in each cup."""
     plain, joints = DATA / "antisloshing" / "comau_smartsix5.urdf", joint_rows()
     _, attitude = read_arm(str(plain), "axes_6").poses(JOINTS, joints[:1])
     turn = " ".join(map(str, Rotation.from_quat(attitude[0]).inv().as_euler("xyz")))
@@ -149,19 +149,19 @@ def planned(tray: Tray) -> TrayPlan:
     rows = joints[moving[0] - 1 : moving[-1] + 2]
     path = joint_path(arm, limits, np.vstack([rows[:-1:10], rows[-1:]]))
 
-    def make(one: TrayContainer, kept: PlanLimits) -> Plan:
-        return plan(one.placed, path, kept)
+    def make(one: TrayContainer, kept: PlanLimits) -> TrayPlan:
+        return TrayPlan(plan(one.placed, path, kept), one)
 
     return plan_tray(tray, PlanLimits(LIMIT, LIMIT, jerk=JERK), make)
 
 
 def joint_rows() -> Array:
-    """(N, 6) the makers' joints, every STEP [rad]."""
+    """Reads the joint positions (N, 6) of the motion [rad]."""
     return np.loadtxt(DATA / "tray" / f"{MOTION}.csv", delimiter=";")
 
 
 def main() -> int:
-    """Prints the table; exit code 1 where the data are missing."""
+    """Prints the table; returns 1 if the data are missing."""
     if not (DATA / "tray").is_dir():
         print(f"measured_tray: no data in {DATA / 'tray'}", file=sys.stderr)
         return 1
@@ -180,9 +180,11 @@ def main() -> int:
     print(f"order {order}: {1e3 * rms:.2f} mm rms from the makers' heights")
     if "--plan" in sys.argv:
         ours = planned(tray_of(order))
+        assert ours.found is not None
         peaks = {name: one.nonlinear.peak for name, one in ours.found.containers.items()}
         print(
-            f"planned: {ours.plan.found.motion.duration:.3f} s for {ours.of}, the makers' 1.84 s"
+            f"planned: {ours.plan.found.motion.duration:.3f} s for {ours.one.name}, the makers' "
+            "1.84 s"
         )
         print(", ".join(f"{name} {1e3 * peak:.1f} mm" for name, peak in peaks.items()))
     return 0

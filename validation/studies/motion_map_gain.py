@@ -1,4 +1,4 @@
-"""Compares motion maps with TM20's motion law, and fills the table in docs/shape.md.
+"""Compares motion maps with TM20's harmonic law; fills the table in docs/shape.md.
 
     tools/run python validation/studies/motion_map_gain.py [--docs]
 
@@ -32,7 +32,7 @@ HEAD = (
 
 
 def row(geometry: Geometry) -> str:
-    """One container's line of the table."""
+    """Computes and formats one container's table row."""
     known = geometry.published
     model = Model(
         Rectangle(geometry.width, DEPTH, FILL_HEIGHT), damping_ratio=known.damping_ratio,
@@ -54,7 +54,7 @@ def row(geometry: Geometry) -> str:
 
 
 def main() -> None:
-    """Prints the table."""
+    """Prints the table; with --docs also writes it to the page."""
     text = "\n".join([HEAD, *(row(geometry) for geometry in GEOMETRIES)])
     print(text)
     if "--docs" in sys.argv:

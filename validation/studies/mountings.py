@@ -1,4 +1,4 @@
-"""Write the table of docs/input_checks.md: wrong mountings, units and gravity, and what is named.
+"""Tests which wrong mountings, units and gravity settings the mounting check finds.
 
 tools/run python validation/studies/mountings.py --docs
 
@@ -48,7 +48,7 @@ WORLD = np.array((0.0, 0.0, 9.81))
 
 
 class Mounted(NamedTuple):
-    """A sensor as it is mounted.
+    """A simulated sensor's mounting rotation, unit and gravity setting.
 
     Attributes:
         rotation: (3, 3) sensor ← container.
@@ -69,7 +69,7 @@ def poses(
     noise: tuple[float, float] = (TRACKER, TURNED),
     rate: float = math.inf,
 ) -> list[Sample]:
-    """What the estimator's own input makes of a tracker's poses.
+    """Returns the input samples that the estimator makes of a tracker's noisy poses.
 
     Args:
         honest: motion.
@@ -97,7 +97,7 @@ def poses(
 
 
 def told(honest: HonestInput, mounted: Mounted, kind: str) -> tuple[Array, Array]:
-    """Accelerations and angular velocities (N, 3) that the sensor tells."""
+    """Returns the accelerations and angular velocities (N, 3) that a mounted sensor measures."""
     up = honest.attitude.inv().apply(np.tile(WORLD, (len(honest.stamps), 1)))
     if kind == "imu":
         force = honest.force - (0.0 if mounted.gravity else up)
@@ -117,7 +117,7 @@ def verdicts(
     kind: str,
     rotation: Array | None = None,
 ) -> tuple[MountingVerdict | None, MountingVerdict | None]:
-    """What is said of a sensor after the first motion, and after all of them.
+    """Returns the mounting verdicts after the first motion and after all motions.
 
     Args:
         honest: motion.
@@ -150,19 +150,19 @@ def verdicts(
 
 
 class Case(NamedTuple):
-    """A mounting, and what is true of it."""
+    """A kind of sensor with its simulated mounting."""
 
     kind: str
     mounted: Mounted
 
     @property
     def right(self) -> bool:
-        """Whether nothing is wrong, if the rotation is as said."""
+        """Whether unit and gravity setting are right, whatever the rotation."""
         gravity = self.mounted.gravity == (self.kind == "imu")
         return self.mounted.unit == "m/s²" and gravity and not self.mounted.degrees
 
     def faults(self, turns: bool) -> set[str]:
-        """What must be named, if the motion turns."""
+        """Returns the faults that the check must name for this case."""
         found = set()
         if self.mounted.unit != "m/s²":
             found.add(f"it is in {self.mounted.unit}")
@@ -174,7 +174,7 @@ class Case(NamedTuple):
 
 
 def cases(kind: str) -> Iterator[Case]:
-    """24 rotations, 3 units, gravity in and out, and for a gyroscope both units in turn."""
+    """Yields all cases: 24 rotations, 3 units, with and without gravity."""
     number = 0
     for rotation in axis_rotations():
         for unit in UNITS:
@@ -186,7 +186,7 @@ def cases(kind: str) -> Iterator[Case]:
 
 
 def outcome(case: Case, found: MountingVerdict | None) -> str:
-    """What became of a case: 'named', 'in part', 'unseen', 'silent' or 'still'."""
+    """Judges a verdict: 'named', 'in part', 'unseen', 'silent' or 'still'."""
     if found is None:
         return "still"
     rotation = case.mounted.rotation
@@ -209,7 +209,7 @@ def outcome(case: Case, found: MountingVerdict | None) -> str:
 
 
 def axes_of(found: MountingVerdict) -> Array:
-    """The rotation (3, 3) container ← sensor that is to be written."""
+    """Returns the rotation (3, 3) container ← sensor that a verdict suggests."""
     roll, pitch, yaw = found.sensor_rotation
     cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
     cy, sy = math.cos(yaw), math.sin(yaw)
@@ -230,7 +230,7 @@ HEAD = (
 
 
 def counted(seed: int, kind: str) -> Iterator[tuple[str, str, str]]:
-    """Mounting, time of the judgement and outcome, of every case of a motion."""
+    """Yields mounting, time of judgement and outcome of every case for one motion."""
     honest = honest_input(seed)
     moved = poses(honest, seed)
     for case in cases(kind):
@@ -247,7 +247,7 @@ def counted(seed: int, kind: str) -> Iterator[tuple[str, str, str]]:
 
 
 def coarse(seed: int, kind: str) -> Iterator[tuple[str, str, str]]:
-    """The same of a right sensor against a coarse tracker."""
+    """Yields the outcomes of a rightly mounted sensor against a coarse tracker."""
     honest = honest_input(seed)
     moved = poses(honest, seed, COARSE, COARSE_RATE)
     pair = verdicts(honest, moved, Mounted(np.eye(3), gravity=kind == "imu"), kind)
@@ -257,7 +257,7 @@ def coarse(seed: int, kind: str) -> Iterator[tuple[str, str, str]]:
 
 
 def alone(seed: int) -> Iterator[tuple[str, str, str]]:
-    """The same of an inertial sensor without a second source: what gravity tells."""
+    """Yields the outcomes of an inertial sensor alone, checked only by gravity."""
     honest = honest_input(seed)
     for case in cases("imu"):
         reader = InputSettings("imu", GateSettings(confirms=False)).reader("imu")
@@ -278,7 +278,7 @@ def alone(seed: int) -> Iterator[tuple[str, str, str]]:
 
 
 def errors(seeds: Sequence[int]) -> Array:
-    """(K, 3) how far measured rotations are off in standard errors, along principal axes."""
+    """Returns errors (K, 3) of measured rotations in standard errors, by principal axis."""
     found = []
     for seed in seeds:
         honest = honest_input(seed)
@@ -292,7 +292,7 @@ def errors(seeds: Sequence[int]) -> Array:
 
 
 def rows(seeds: Sequence[int]) -> Iterator[str]:
-    """The table's rows."""
+    """Yields the table rows."""
     for kind in ("imu", "accel", "imu alone"):
         count: Counter[tuple[str, str, str]] = Counter()
         for seed in seeds:
@@ -309,10 +309,10 @@ def rows(seeds: Sequence[int]) -> Iterator[str]:
 
 
 def main() -> int:
-    """Counts all."""
+    """Tests all mountings and prints or writes the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--motions", type=int, default=10)
-    parser.add_argument("--tuning", action="store_true", help="the seeds used for tuning")
+    parser.add_argument("--tuning", action="store_true", help="use the seeds for tuning")
     parser.add_argument("--docs", action="store_true", help="write the table")
     arguments = parser.parse_args()
     first = 0 if arguments.tuning else 1

@@ -1,4 +1,4 @@
-"""Write the table of the observer: fused and open-loop heights against the truth, with σ.
+"""Compares fused and open-loop heights with simulated true ones, with standard deviations.
 
     tools/run python validation/studies/observer_accuracy.py [--runs 100] [--half 1]
 
@@ -51,7 +51,7 @@ HEAD = (
 
 
 class Case(NamedTuple):
-    """What is wrong in a run.
+    """What is wrong in a simulated run: model errors, initial wave, lost images.
 
     Attributes:
         name: for the table.
@@ -78,7 +78,7 @@ CASES = (
 
 
 class Drawn(NamedTuple):
-    """The liquid and the sensors of one run.
+    """True liquid and sensor errors of one simulated run.
 
     Attributes:
         truth: the liquid's model.
@@ -106,7 +106,7 @@ class Drawn(NamedTuple):
 
 
 def main() -> int:
-    """Runs the command; returns its exit code."""
+    """Simulates the runs and writes the table; returns the exit code."""
     rows = [(partial(run, case), partial(row, case.name)) for case in CASES]
     return write_table(__doc__, "accuracy", HEAD, rows)
 
@@ -118,7 +118,7 @@ def write_table(
     rows: Sequence[tuple[Callable[[int], Any], Callable[[Array], str]]],
     page: Path = PAGE,
 ) -> int:
-    """Runs a study by the command line; prints its table and writes that of the page.
+    """Runs a study as the command line says; prints its table and writes it to a page.
 
     Args:
         doc: of the study.
@@ -131,10 +131,12 @@ def write_table(
         the exit code.
     """
     parser = argparse.ArgumentParser(description=doc.splitlines()[0])
-    parser.add_argument("--runs", type=int, default=100, help="runs of each row")
-    parser.add_argument("--half", type=int, default=1, choices=(0, 1), help="seeds")
+    parser.add_argument("--runs", type=int, default=100, help="number of runs for each table row")
+    parser.add_argument(
+        "--half", type=int, default=1, choices=(0, 1), help="even (0) or odd (1) seeds"
+    )
     parser.add_argument("--docs", action="store_true", help="write the table of the page")
-    parser.add_argument("--workers", type=int, default=2, help="processes")
+    parser.add_argument("--workers", type=int, default=2, help="number of processes")
     arguments = parser.parse_args()
     seeds = range(arguments.half, 2 * arguments.runs, 2)
     lines = ["| " + " | ".join(head) + " |", "|---" + "|--:" * (len(head) - 1) + "|"]
@@ -150,7 +152,7 @@ def write_table(
 
 
 def row(name: str, runs: Array) -> str:
-    """A row of the table from (N, 4) squares and shares of runs."""
+    """Formats the results of many runs (N, 4) as a table row."""
     opened, fused = 1e3 * np.sqrt(runs[:, :2].mean(axis=0))
     inside, expected = 100.0 * runs[:, 2:4].mean(axis=0)
     worst = math.sqrt((runs[:, 1] / runs[:, 0]).max())
@@ -161,7 +163,7 @@ def row(name: str, runs: Array) -> str:
 
 
 def run(case: Case, seed: int) -> tuple[float, float, float, float]:
-    """Mean squares of open-loop and fused heights' errors [m²], shares inside σ and NIS."""
+    """Simulates one run; returns mean squared errors [m²], share inside σ, and NIS."""
     rng = np.random.default_rng(seed)
     one = drawn(rng, case)
     t, acceleration = moves(rng)
@@ -195,12 +197,12 @@ def run(case: Case, seed: int) -> tuple[float, float, float, float]:
 
 
 def stamp_of(t: float) -> int:
-    """A time as a stamp [ns]."""
+    """Converts a time [s] to a stamp [ns]."""
     return START_NS + round(t * 1e9)
 
 
 def drawn(rng: np.random.Generator, case: Case) -> Drawn:
-    """A liquid and sensors; their errors are those of a usual cell."""
+    """Draws a true liquid and sensors with usual errors."""
     frequency = case.frequency or float(rng.normal(1.0, 0.012))
     damping = case.damping or float(np.exp(rng.normal(0.0, 0.4)))
     truth = CUP.with_effect("frequency_mismatch", factor=frequency)
@@ -216,7 +218,7 @@ def drawn(rng: np.random.Generator, case: Case) -> Drawn:
 
 
 def moves(rng: np.random.Generator) -> tuple[Array, Array]:
-    """Times [s] and accelerations [m/s²] of point-to-point moves in any direction."""
+    """Draws times [s] and accelerations [m/s²] of point-to-point moves."""
     t = np.arange(0.0, LENGTH, STEP)
     acceleration = np.zeros((len(t), 3))
     begin = 0.5 + rng.uniform(0.0, 0.3)
@@ -232,7 +234,7 @@ def moves(rng: np.random.Generator) -> tuple[Array, Array]:
 
 
 def first_wave(rng: np.random.Generator, truth: Model, height: float) -> Array:
-    """(1, 4) modal state of a wave of a height at any phase and in any direction."""
+    """Returns the modal state (1, 4) of a wave of given height, random phase and direction."""
     (mode,) = truth.mode_constants()
     place = height / truth.height_gains((mode,), 0)[0]
     azimuth, phase = rng.uniform(0.0, 2.0 * np.pi, 2)
@@ -244,7 +246,7 @@ def first_wave(rng: np.random.Generator, truth: Model, height: float) -> Array:
 def seen(
     rng: np.random.Generator, one: Drawn, case: Case, t: Array, wall: Array
 ) -> list[tuple[float, WallHeights]]:
-    """When images arrive [s], and what they show."""
+    """Yields when images arrive [s], and the wall heights that they show."""
     images = []
     lasting, kept = rng.normal(size=2), math.exp(-1.0 / (one.rate * MEMORY))
     for moment in np.arange(rng.uniform(0.0, 1.0 / one.rate), t[-1], 1.0 / one.rate):

@@ -1,4 +1,4 @@
-"""Write the table of the observer on measured runs: are left-out heights within its intervals?
+"""Tests on measured runs whether left-out heights lie within the observer's intervals.
 
     tools/run python validation/studies/observer_real.py [--docs] [--tune]
 
@@ -72,7 +72,7 @@ HEAD = (
 
 
 class Run(NamedTuple):
-    """A measured run.
+    """A measured run: its name, model and motion with heights.
 
     Attributes:
         name: of it.
@@ -86,7 +86,7 @@ class Run(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What came of a run.
+    """Results of the observer on one run: errors of the left-out heights.
 
     Attributes:
         heights: number of those left out.
@@ -105,7 +105,7 @@ class Found(NamedTuple):
 
 
 class Followed(NamedTuple):
-    """What an observer gave.
+    """The observer's fused states, innovations and counts in one run.
 
     Attributes:
         states: its fused states.
@@ -119,7 +119,7 @@ class Followed(NamedTuple):
 
 
 def main() -> int:
-    """Runs the command; exit code 1 where the data are missing."""
+    """Runs the study and writes the tables; returns 1 if the data are missing."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--docs", action="store_true", help="write the table of the page")
     parser.add_argument("--tune", action="store_true", help="try standard deviations on TUNED")
@@ -149,7 +149,7 @@ def main() -> int:
 
 
 def stop_row(run: Run) -> str:
-    """A row of the table of stops, with the highest height that is seen after calm is told."""
+    """Formats a run's table row of reported and actual calm after its stop."""
     inputs, t, height, end = whole_record(run)
     high = t[(height > TOLERANCE) & (t > end)]
     needed = float(high[-1]) - end if len(high) else 0.0
@@ -170,7 +170,7 @@ def stop_row(run: Run) -> str:
 
 
 def whole_record(run: Run) -> tuple[Inputs, Array, Array, float]:
-    """A run to the end of its heights, which rests longer than the motion's file tells.
+    """Returns a run up to its last height, with the rest after the motion.
 
     Returns:
         the motion; (M,) times of the heights on its clock [s] and heights [m]; when it ends [s].
@@ -188,7 +188,7 @@ def whole_record(run: Run) -> tuple[Inputs, Array, Array, float]:
 
 
 def rested(inputs: Inputs, seconds: float) -> Inputs:
-    """A motion and so long a rest behind it [s]."""
+    """Returns a motion followed by a rest of given duration [s]."""
     rest = np.arange(STEP, seconds, STEP)
     attitude = inputs.attitude
     assert attitude is not None
@@ -200,7 +200,7 @@ def rested(inputs: Inputs, seconds: float) -> Inputs:
 
 
 def tune(runs: list[Run]) -> None:
-    """Prints coverage and mean NEES of some standard deviations."""
+    """Prints coverage and mean NEES for several standard deviations of heights."""
     for stddev in TRIED:
         squares = np.concatenate([foretold(run, stddev).squares for run in runs])
         inside = 100.0 * np.mean(squares <= 1.96**2)
@@ -208,7 +208,7 @@ def tune(runs: list[Run]) -> None:
 
 
 def row(name: str, told: str, parts: tuple[Found, ...]) -> str:
-    """A row of the table from one or several runs, which count by their heights."""
+    """Formats the results of one or several runs as a table row."""
     counts = np.array([one.heights for one in parts], dtype=np.float64)
     opened, error = (
         1e3 * math.sqrt(np.average([getattr(one, key) ** 2 for one in parts], weights=counts))
@@ -224,7 +224,7 @@ def row(name: str, told: str, parts: tuple[Found, ...]) -> str:
 
 
 def robot_runs() -> list[Run]:
-    """The runs with one cup."""
+    """Reads the measured runs with one cup."""
     upright = Model(ROBOT_CUP).spatial().nonlinear()
     kinds = {"": upright, "Tilt": upright.with_effect("gravity_tilt")}
     return [
@@ -235,7 +235,7 @@ def robot_runs() -> list[Run]:
 
 
 def tray_runs() -> list[Run]:
-    """The four cups of the tray, at rest behind their motion."""
+    """Reads the measured runs of the four cups on the tray, with a rest added."""
     motion = measured_tray.tray_motion()
     order, _ = measured_tray.made_order(motion)
     inputs = rested(Inputs(motion.t, motion.acceleration, motion.attitude), 5.0)
@@ -253,7 +253,7 @@ def tray_runs() -> list[Run]:
 
 
 def foretold(run: Run, stddev: float) -> Found:
-    """Runs the observer over a run and judges what it was not given.
+    """Runs the observer over a run and evaluates the heights that it was not given.
 
     Args:
         run: the run.
@@ -290,7 +290,7 @@ def foretold(run: Run, stddev: float) -> Found:
 
 
 def still_level(motion: MeasuredMotion) -> tuple[float, float]:
-    """Still level and noise of a run's heights [m]; those of the tray are stated to be zero."""
+    """Returns still level and noise of a run's heights [m]."""
     assert motion.msh is not None
     if motion.level_known:
         return 0.0, 0.0
@@ -299,7 +299,7 @@ def still_level(motion: MeasuredMotion) -> tuple[float, float]:
 
 
 def followed(model: Model, inputs: Inputs, t: Array, points: Array) -> Followed:
-    """Runs the observer.
+    """Runs the observer over a motion with given measurements.
 
     Args:
         model: of the liquid.

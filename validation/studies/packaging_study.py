@@ -1,4 +1,4 @@
-"""TM20's study on synthetic measurements: 1,530 experiments, its tables and figures side by side.
+"""Repeats TM20's study with 1,530 simulated experiments; compares tables and figures.
 
 Experiments that are there already are not carried out again: an interrupted study goes on.
 
@@ -39,7 +39,7 @@ SAMPLES = tuple((geometry.number, 36) for geometry in GEOMETRIES)
 
 
 def experiments(series: Series, folder: Path) -> list[Experiment]:
-    """All of a series; those that take longest first."""
+    """Returns all experiments of a series, those that take longest first."""
     return [
         Experiment(geometry.number, series.law, speed, series.repetitions, EDGES, folder)
         for speed in SPEEDS
@@ -48,7 +48,7 @@ def experiments(series: Series, folder: Path) -> list[Experiment]:
 
 
 def evaluated(geometry: int, folder: Path) -> Findings:
-    """Of one geometry, from its measurements."""
+    """Evaluates the experiments of one container."""
 
     def measured(series: Series) -> list[Measured]:
         every = experiments(series, folder)
@@ -76,7 +76,7 @@ def _sample(item: tuple[int, int]) -> Sample:
 
 
 def carry_out(folder: Path, jobs: int | None) -> Study:
-    """Measures what is missing, and evaluates.
+    """Runs missing experiments and evaluates all.
 
     Raises:
         RuntimeError: an experiment or its evaluation failed.
@@ -101,7 +101,7 @@ def carry_out(folder: Path, jobs: int | None) -> Study:
 def _run(
     name: str, work: Callable[[Item], Value], items: Sequence[Item], jobs: int | None
 ) -> list[Value]:
-    """The values in the items' order."""
+    """Runs a function for all items in parallel; returns the values in the items' order."""
     values: dict[int, Value] = {}
     with Progress(name, len(items), Unit(name)) as progress:
         for outcome in map_files(work, items, jobs=jobs):
@@ -113,7 +113,7 @@ def _run(
 
 
 def main() -> int:
-    """Runs the command; returns its exit code."""
+    """Runs the study and writes its page; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "out" / "study")
     parser.add_argument("--jobs", type=int, help="processes; one for each core")

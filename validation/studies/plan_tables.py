@@ -28,10 +28,18 @@ from scipy.interpolate import make_interp_spline
 from slosh_bringup.cell.motions import MOTIONS, PATHS, make_motion
 from slosh_model import Cylinder, Model, Rectangle
 from slosh_plan.planning.checked import Checker
-from slosh_plan.planning.known_laws import LONGEST, UNIT_LAWS, Make, UnitLaw, fastest, known_laws
+from slosh_plan.planning.known_laws import (
+    LONGEST,
+    UNIT_LAWS,
+    Make,
+    UnitLaw,
+    fastest,
+    known_laws,
+    leg_durations,
+)
 from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.path import Leg, path_through
 from slosh_plan.planning.path import Path as Route
-from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import NoSafeMotionError, plan
 from slosh_plan.planning.time_law import PlannedMotion, motion_along
 
@@ -51,7 +59,7 @@ SMOOTHEST_TURN = 0.6
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One case; times in s, infinite where none is safe.
+    """Results of one path: durations [s] by planning method, infinite if none is safe.
 
     `fallback` is by the best of the planner's own known laws, `best` by the best of these, of laws
     along DL22's parameter and of a shaped one.
@@ -69,12 +77,12 @@ class Row:
 
     @property
     def case(self) -> tuple[str, float, str]:
-        """What tells it from others."""
+        """Container, limit and path, which identify the case."""
         return self.container, self.limit, self.name
 
 
 def random_points(seed: int) -> Array:
-    """Two to five steps of some decimetres that do not turn sharply."""
+    """Returns waypoints of two to five random steps that do not turn sharply."""
     generator = np.random.default_rng(seed)
     while True:
         steps = generator.normal(size=(generator.integers(2, 6), 3)) * [0.12, 0.12, 0.05]
@@ -85,14 +93,14 @@ def random_points(seed: int) -> Array:
 
 
 def cases(count: int) -> dict[str, Array]:
-    """Waypoints by name."""
+    """Returns the waypoints of all paths by name."""
     named = {name: make_motion(name).position for name in ("l3", "e3", "c3")}
     named["p2p"] = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0]])
     return named | {f"random {seed}": random_points(seed) for seed in range(count)}
 
 
 def by_parameter(name: str, law: UnitLaw, duration: float, step: float) -> PlannedMotion:
-    """A law along DL22's own parameter of a path, as its motions are made."""
+    """Creates a motion whose time law acts on DL22's path parameter, not on path length."""
     spec = MOTIONS[name]
     sigma = np.linspace(0.0, 1.0, 4001)
     columns = [path(sigma)[0] for path in PATHS[spec.path]]
@@ -113,20 +121,21 @@ def by_parameter(name: str, law: UnitLaw, duration: float, step: float) -> Plann
 def shaped(
     route: Route, period: float, law: UnitLaw, duration: float, step: float
 ) -> PlannedMotion:
-    """A law whose two halves, half a period apart, cancel each other's wave (ZV), on one leg."""
-    leg, lag = route.legs[0], 0.5 * period
-    rest = max(duration - lag, 1e-3)
+    """Creates a motion whose legs each cancel their wave by halves half a period apart (ZV)."""
+    lag, durations = 0.5 * period, leg_durations(route, duration)
 
-    def halves(t: Array) -> tuple[Array, Array, Array]:
+    def halves(leg: Leg, time: float, t: Array) -> tuple[Array, Array, Array]:
+        rest = max(time - lag, 1e-3)
         first, second = law(t / rest), law((t - lag) / rest)
         s, v, a = (0.5 * (x + y) for x, y in zip(first, second, strict=True))
         return leg.length * s, leg.length * v / rest, leg.length * a / rest**2
 
-    return motion_along(route, [halves], [duration], step)
+    pairs = zip(route.legs, durations, strict=True)
+    return motion_along(route, [partial(halves, *pair) for pair in pairs], durations, step)
 
 
 def scaled_times(model: Model, name: str, route: Route, limits: PlanLimits) -> tuple[float, float]:
-    """Shortest safe times [s]: of the best known law, and of DL22's."""
+    """Returns the shortest safe durations [s] of the best known law and of DL22's law."""
     makers: dict[str, Make] = {law: known.motion for law, known in known_laws(route).items()}
     dl22 = "modified trapezoidal"
     if name in MOTIONS:
@@ -148,7 +157,7 @@ def _time(model: Model, make: Make, limits: PlanLimits, longest: float) -> float
 
 
 def measure(container: str, limit: float, name: str, points: Array) -> Row:
-    """One case."""
+    """Plans one path with all methods and returns the results."""
     model = CONTAINERS[container]
     limits = PlanLimits(limit, RESIDUAL, 9.5, 74.0)
     route = path_through(points)
@@ -166,7 +175,7 @@ def measure(container: str, limit: float, name: str, points: Array) -> Row:
 
 
 def table(rows: list[Row]) -> str:
-    """The rows as a page's text: a figure for each limit in a cell, medians of random paths."""
+    """Formats the results as a table, with medians of the random paths."""
     heads = (
         "container [mm]", "path", "DL22's law [s]", "best known law [s]", "fallback [s]",
         "planned [s]", "planning [s]",
@@ -195,33 +204,36 @@ def table(rows: list[Row]) -> str:
 
 
 def closing(rows: list[Row]) -> str:
-    """The medians."""
+    """Describes the median results in a sentence."""
     to_best = statistics.median(row.optimal / row.best for row in rows)
     to_dl22 = statistics.median(row.optimal / row.dl22 for row in rows)
     to_fallback = statistics.median(row.optimal / row.fallback for row in rows)
     seconds = sorted(row.seconds for row in rows)
     optimal = sum(row.method == "optimal" for row in rows)
     return (
-        f"{len(rows)} cases, {optimal} of them by an optimal law, the others by a scaled one. "
-        f"Median of the time: {to_best:.2f} of the best known law's, {to_fallback:.2f} of the "
-        f"fallback's, {to_dl22:.2f} of DL22's; of the planning: "
+        f"{optimal} of {len(rows)} by an optimal law. Median time {to_best:.2f} of the best known "
+        f"law's, {to_fallback:.2f} of the fallback's, {to_dl22:.2f} of DL22's; planning "
         f"{statistics.median(seconds):.1f} s, longest {seconds[-1]:.1f} s.\n"
     )
 
 
 def read_rows(path: Path) -> list[Row]:
-    """What was measured before."""
+    """Reads the results of earlier runs."""
     if not path.exists():
         return []
     return [Row(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
 def main() -> int:
-    """Measures as many cases as the time allows, in an order that mixes them."""
+    """Plans as many cases as the time allows, in mixed order, and prints the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("rows", type=Path, help="JSON lines: what was measured, also earlier")
+    parser.add_argument(
+        "rows", type=Path, help="file of results as JSON lines, extended by each run"
+    )
     parser.add_argument("--paths", type=int, default=20, help="random paths")
-    parser.add_argument("--seconds", type=float, default=1e9, help="stop after so many [s]")
+    parser.add_argument(
+        "--seconds", type=float, default=1e9, help="time after which no new case is begun [s]"
+    )
     parser.add_argument("--docs", action="store_true", help="write docs/plan.md")
     arguments = parser.parse_args()
     todo = [

@@ -1,4 +1,4 @@
-"""Fits given sets of effects to the measured runs of a robot's tilted cup: what each can reach.
+"""Fits given sets of effects to the measured runs of a robot's tilted cup.
 
     tools/run python validation/studies/robot_fits.py [--docs]
 
@@ -28,7 +28,7 @@ SHARED, APART = False, True
 
 
 class Wanted(NamedTuple):
-    """An effect, and whether each group of motions has its own parameters of it."""
+    """A modelled effect, and whether its parameters differ between groups of motions."""
 
     name: str
     per_group: bool
@@ -47,7 +47,7 @@ SETS: dict[str, tuple[Wanted, ...]] = {
 
 
 def main() -> int:
-    """Prints the table; with --docs it goes into the page."""
+    """Prints the table of accuracies; with --docs also writes it to the page."""
     base = Model(ROBOT_CUP).nonlinear().spatial().with_effect("gravity_tilt")
     runs = [prepare(motion) for motions in runs_of_kind("Tilt").values() for motion in motions]
     lines = [
@@ -71,7 +71,7 @@ def main() -> int:
 
 
 def fitted(base: Model, motions: Sequence[PreparedMotion], wanted: Sequence[Wanted]) -> Fit:
-    """The effects fitted one after another, each from all of its starts, the others with it."""
+    """Adds effects one after another; fits each from all of its initial values."""
     names = {one.motion.group for one in motions}
     groups = tuple(sorted(name for name in names if name is not None))
     offsets = [first_offset(motion, base) for motion in motions]
@@ -85,7 +85,7 @@ def fitted(base: Model, motions: Sequence[PreparedMotion], wanted: Sequence[Want
 
 
 def tried(one: Fit, motions: Sequence[PreparedMotion], wanted: Wanted) -> list[Fit]:
-    """Fits with one effect more, from each of its starts."""
+    """Fits one more effect from each of its initial values."""
     known = one.explanation
 
     def begun(values: dict[str, float], choices: dict[str, float]) -> Fit:
@@ -101,7 +101,7 @@ def tried(one: Fit, motions: Sequence[PreparedMotion], wanted: Wanted) -> list[F
 
 
 def sigma(one: Fit, motion: PreparedMotion) -> float:
-    """Mean absolute error of a run's highest heights [m], on its own clock and level."""
+    """Returns the mean absolute error of a run's heights [m], with its clock and level fitted."""
     model = one.model_of(motion.motion.group)
     alone = Explanation(model)
     offset = fit(alone, [motion], np.zeros(0), [first_offset(motion, model)]).clock_offsets[0]

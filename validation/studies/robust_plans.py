@@ -1,4 +1,4 @@
-"""Measures robust plans, and fills the table in docs/plan.md.
+"""Compares robust with usual plans under parameter errors; fills docs/plan.md.
 
     tools/run python validation/studies/robust_plans.py [--cases 24] [--seed 1] [--docs]
 
@@ -22,10 +22,11 @@ from slosh_model import Model
 from slosh_model.covariance import covariance_of
 from slosh_model.parameters import parameter_value
 from slosh_plan.planning.checked import heights_after
+from slosh_plan.planning.likely import likely_models
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import NoSafeMotionError, Plan, plan
-from slosh_plan.planning.robust import likely_models, plan_robust
+from slosh_plan.planning.robust import plan_robust
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "plan.md"
 FREQUENCY_ERRORS = (0.002, 0.005, 0.01, 0.02)
@@ -38,7 +39,7 @@ UNSEEN = 1618
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One case; excesses are the greatest of both limits, as shares; times in s."""
+    """Results of one case: durations [s] and relative excess over the limits."""
 
     frequency_error: float
     usual: float
@@ -49,7 +50,7 @@ class Row:
 
 
 def doubtful(model: Model, frequency_error: float, rng: np.random.Generator) -> Model:
-    """The model with a random covariance of frequency, damping and `alpha`, where it has one."""
+    """Returns the model with a random covariance of its parameters."""
     names = ["natural_frequency", "damping_ratio"]
     shares = [frequency_error, rng.uniform(0.05, 0.4)]
     if any(use.name == "surface_nonlinearity" for use in model.effects):
@@ -66,7 +67,7 @@ def doubtful(model: Model, frequency_error: float, rng: np.random.Generator) -> 
 
 
 def excess(model: Model, answer: Plan, limits: PlanLimits) -> float:
-    """By how much the highest of the unseen models exceeds a limit, as a share."""
+    """Returns the largest relative excess over a limit among models not used for planning."""
     motion = answer.found.motion
     heights = list(heights_after(likely_models(model, seed=UNSEEN).models, motion, None))
     end = len(motion.t) - 1
@@ -76,7 +77,7 @@ def excess(model: Model, answer: Plan, limits: PlanLimits) -> float:
 
 
 def measured(seed: int) -> Row | None:
-    """One case; None: no motion keeps its limits for all likely parameters."""
+    """Plans one random case; None if no motion keeps its limits for all parameters."""
     rng = np.random.default_rng(seed)
     frequency_error = FREQUENCY_ERRORS[seed // 2 % len(FREQUENCY_ERRORS)]
     bare = list(CONTAINERS.values())[int(rng.integers(len(CONTAINERS)))]
@@ -99,7 +100,7 @@ def measured(seed: int) -> Row | None:
 
 
 def table(rows: list[Row]) -> str:
-    """The table in Markdown, by the error of the frequency."""
+    """Formats the results by the frequency's standard error as a Markdown table."""
     lines = [
         "| standard error of the frequency | cases | usual plan above a limit | its largest excess"
         " | robust plan above by 1 % | largest excess | longer by, median | most | planning |",
@@ -121,7 +122,7 @@ def table(rows: list[Row]) -> str:
 
 
 def main() -> None:
-    """Plans all cases."""
+    """Plans all cases and prints or writes the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=int, default=24, help="number of cases")
     parser.add_argument("--seed", type=int, default=1, help="first seed; every second one is used")

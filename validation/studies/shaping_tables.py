@@ -1,4 +1,4 @@
-"""Compares residual-free shapes, and fills the tables in docs/shape.md.
+"""Compares filters that leave no residual wave; fills the tables in docs/shape.md.
 
     tools/run python validation/studies/shaping_tables.py [--docs]
 
@@ -55,7 +55,7 @@ NAMES = ("none", *FILTERS, POLYNOMIAL)
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A motion by a filter; times in s, heights and distances in m."""
+    """Results of one motion and filter; times in s, heights and distances in m."""
 
     motion: str
     name: str
@@ -70,14 +70,14 @@ class Row:
 
 
 def routes() -> dict[str, Route]:
-    """Paths by name."""
+    """Returns the paths by name."""
     points = {name: make_motion(name).position for name in ("l3", "e3", "c3")}
     points["p2p"] = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0]])
     return {name: path_through(points[name]) for name in ("p2p", "l3", "e3", "c3")}
 
 
 def base(route: Route, duration: float) -> PathCourse:
-    """A quintic law on every leg of a path."""
+    """Creates a motion with a quintic law on every leg of a path."""
     durations = leg_durations(route, whole_rows(duration))
     laws = tuple(known_laws(route)["quintic"].laws(whole_rows(duration)))
     motion = motion_along(route, laws, durations)
@@ -87,7 +87,7 @@ def base(route: Route, duration: float) -> PathCourse:
 
 
 def shape(course: PathCourse, name: str) -> PlannedMotion:
-    """A motion by a filter's name.
+    """Shapes a motion with the named filter.
 
     Raises:
         SloshPlanError: it is too short for the polynomial.
@@ -100,7 +100,7 @@ def shape(course: PathCourse, name: str) -> PlannedMotion:
 
 
 def usual_duration(route: Route) -> float:
-    """Of the motion that accelerates with ACCELERATION at most [s]."""
+    """Returns the duration [s] at which the peak acceleration is ACCELERATION."""
     trial = 4.0
     motion = base(route, trial).motion()
     reached = float(np.linalg.norm(motion.acceleration, axis=1).max())
@@ -108,7 +108,7 @@ def usual_duration(route: Route) -> float:
 
 
 def fastest(route: Route, name: str) -> float:
-    """Shortest time that keeps LIMITS [s]; infinite: none of up to LONGEST."""
+    """Returns the shortest duration that keeps LIMITS [s]; infinite above LONGEST."""
     duration, ahead = SHORTEST, []
     while duration < LONGEST:
         duration *= RATIO
@@ -125,7 +125,7 @@ def fastest(route: Route, name: str) -> float:
 
 
 def measure(motion: str, route: Route, name: str) -> Row:
-    """One row."""
+    """Shapes one motion and returns its results."""
     course = base(route, usual_duration(route))
     made = shape(course, name)
 
@@ -148,7 +148,7 @@ def measure(motion: str, route: Route, name: str) -> Row:
 
 
 def table(rows: list[Row]) -> str:
-    """The rows as a page's text."""
+    """Formats the results as a table."""
     lines = [
         "| motion | filter | lasts [s] | peak [mm] | left, L [mm] | left, NL [mm] | −5 % [mm] "
         "| +5 % [mm] | bent per axis [mm] | fastest safe [s] |",
@@ -167,7 +167,7 @@ def table(rows: list[Row]) -> str:
 
 
 def robustness() -> str:
-    """What the theory says of the filters: no simulation."""
+    """Formats the theoretical residual of each filter for frequency errors as a table."""
     errors = (-0.2, -0.1, -0.05, 0.0, 0.05, 0.1, 0.2)
     head = " | ".join(f"{100.0 * error:+.0f} %".replace("-", "−") for error in errors)
     lines = [f"| filter | longer by | {head} |", "|---|--:|" + len(errors) * "--:|"]
@@ -180,7 +180,7 @@ def robustness() -> str:
 
 
 def main() -> int:
-    """Measures and prints; with --docs writes the page's tables."""
+    """Shapes all motions and prints the tables; with --docs also writes them."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--docs", action="store_true", help="write docs/shape.md")
     arguments = parser.parse_args()

@@ -1,4 +1,4 @@
-"""Measures the side view's accuracy on traced images and writes the table of docs/side_view.md.
+"""Measures the side view's accuracy on ray-traced images; fills docs/side_view.md.
 
 tools/run python validation/studies/side_view_tables.py [--docs]
 """
@@ -52,7 +52,7 @@ CASES: dict[str, tuple[Setup, Look]] = {
 
 
 def main() -> int:
-    """Runs the command; returns its exit code."""
+    """Measures all cases and prints or writes the table; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--docs", action="store_true", help="write the table into the page")
     arguments = parser.parse_args()
@@ -74,7 +74,7 @@ def main() -> int:
 
 
 def row(name: str, setup: Setup, look: Look) -> str:
-    """One row: errors in pixels of 0.25 mm and in degrees."""
+    """Measures one case; formats its errors [px of 0.25 mm, deg] as a table row."""
     detector = SideViewDetector(setup.calibration())
     detector.learn_still(still(setup, look))
     generator = np.random.default_rng(11)
@@ -107,7 +107,7 @@ def row(name: str, setup: Setup, look: Look) -> str:
 
 
 def random_liquid(generator: np.random.Generator) -> Liquid:
-    """A plane of some degrees with waves on it."""
+    """Draws a surface with a random slope and waves."""
     modes = tuple(generator.normal(0.0, (0.006, 0.002, 0.001)))
     return Liquid(generator.normal(0.0, 5e-4), generator.normal(0.0, 0.1), modes)
 

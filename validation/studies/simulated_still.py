@@ -1,4 +1,4 @@
-"""Writes the simulated camera's still image: the drawn cup with the liquid at rest, without noise.
+"""Draws the simulated camera's image of the liquid at rest, without noise.
 
     tools/run python validation/studies/simulated_still.py
 
@@ -20,7 +20,7 @@ CONFIG = Path(__file__).resolve().parents[2] / "src" / "slosh_bringup" / "config
 
 
 def main() -> int:
-    """Draws it beside camera.yaml."""
+    """Writes the image beside the simulated cell's camera.yaml."""
     calibration = read_calibration(CONFIG / "camera.yaml")
     if calibration.still_image is None:
         raise SystemExit(f"{CONFIG / 'camera.yaml'}: names no still_image")

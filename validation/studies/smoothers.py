@@ -1,4 +1,4 @@
-"""Compare the window filter of poses with a fixed-lag smoother, and the delays of the former.
+"""Compares the window filter of poses with a fixed-lag Kalman smoother.
 
 tools/run python validation/studies/smoothers.py
 
@@ -39,14 +39,14 @@ STEP = 1e-4
 
 
 class Errors(NamedTuple):
-    """Rms errors of height, in percent of the peak, and of acceleration [m/s²]."""
+    """Rms errors of height [% of the peak] and of acceleration [m/s²]."""
 
     height: float
     acceleration: float
 
 
 def smoothed(t: Array, places: Array, resolution: float, process: float) -> tuple[Array, Array]:
-    """Accelerations (M, 3) by the smoother, and their times (M,).
+    """Returns accelerations (M, 3) by the fixed-lag smoother, and their times (M,).
 
     Args:
         t: (N,) [s].
@@ -76,7 +76,7 @@ def smoothed(t: Array, places: Array, resolution: float, process: float) -> tupl
 
 
 def transition(step: float, process: float) -> tuple[Array, Array]:
-    """Matrix and added covariance of constant jerk over a step [s]."""
+    """Returns transition matrix and added covariance of constant jerk over a step [s]."""
     powers = [step**n / math.factorial(n) for n in range(4)]
     move = np.zeros((4, 4))
     added = np.zeros((4, 4))
@@ -90,7 +90,7 @@ def transition(step: float, process: float) -> tuple[Array, Array]:
 
 
 def back(kept: Sequence[tuple[Array, Array, Array, Array, Array]], first: int, last: int) -> Array:
-    """The state at a row by what is known at a later one."""
+    """Returns the smoothed state at a row, given the data up to a later row."""
     state = kept[last][0]
     for k in range(last - 1, first - 1, -1):
         own, spread, _, _, _ = kept[k]
@@ -101,7 +101,7 @@ def back(kept: Sequence[tuple[Array, Array, Array, Array, Array]], first: int, l
 
 
 def by_window(robot: Motion, sampled: Sampled, t: Array, delay: float) -> tuple[Array, Array]:
-    """Accelerations (M, 3) by the estimator's own filter, and their times (M,)."""
+    """Returns accelerations (M, 3) by the estimator's window filter, and their times (M,)."""
     reader = settings("pose")._replace(smoothing=delay).reader("pose")
     assert isinstance(reader, PoseInput)
     q = robot.joints(t)
@@ -114,7 +114,7 @@ def by_window(robot: Motion, sampled: Sampled, t: Array, delay: float) -> tuple[
 
 
 def errors(robot: Motion, times: Array, accelerations: Array) -> Errors:
-    """Against the true acceleration and its wave."""
+    """Returns the errors against the true acceleration and the wave that it causes."""
     places = [cup_position(*robot.joints(times + k * STEP).T) for k in (-1, 0, 1)]
     true = (places[0] - 2.0 * places[1] + places[2]) / STEP**2
     restarted = np.zeros(len(times), dtype=bool)
@@ -129,7 +129,7 @@ def errors(robot: Motion, times: Array, accelerations: Array) -> Errors:
 
 
 def rows(robots: Sequence[tuple[int, Motion]]) -> Iterator[str]:
-    """A line for each sampling: the window by its delay, the smoother by its noise."""
+    """Yields a line for each sampling: window errors by delay, smoother errors by noise."""
     for rate in RATES:
         for resolution in RESOLUTIONS:
             for jitter in JITTERS:
@@ -152,10 +152,10 @@ def rows(robots: Sequence[tuple[int, Motion]]) -> Iterator[str]:
 
 
 def main() -> int:
-    """Prints all."""
+    """Compares both filters on random motions and prints all results."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--motions", type=int, default=6)
-    parser.add_argument("--tuning", action="store_true", help="the seeds used for tuning")
+    parser.add_argument("--tuning", action="store_true", help="use the seeds for tuning")
     arguments = parser.parse_args()
     first = 0 if arguments.tuning else 1
     seeds = range(first, first + 2 * arguments.motions, 2)

@@ -1,4 +1,4 @@
-"""Heights of cups with inclined walls, measured through the wall, on scenes with exact truth.
+"""Measures the accuracy of views through inclined walls on rendered scenes.
 
     tools/run python validation/scenes/render.py tapered -o out/tapered
     tools/run python validation/studies/tapered_camera.py out/tapered
@@ -42,7 +42,7 @@ NUMBER = re.compile(r"tapered_([0-9]+)")
 
 @dataclass(frozen=True)
 class Height:
-    """The highest point of one image: error [m], standard deviation [m], and its flags."""
+    """Error [m], standard deviation [m] and flags of an image's highest point."""
 
     error: float
     stddev: float
@@ -50,14 +50,14 @@ class Height:
 
     @property
     def silent(self) -> bool:
-        """Whether nothing tells of an error that is too large."""
+        """Whether the error is too large although neither flag nor standard deviation shows it."""
         told = bool(self.flags & DOUBTS) or abs(self.error) < 3.0 * self.stddev
         return abs(self.error) > SILENT and not told
 
 
 @dataclass(frozen=True)
 class SceneResult:
-    """The heights of one scene.
+    """Height errors in one scene, by image.
 
     Attributes:
         kind: of container.
@@ -73,7 +73,7 @@ class SceneResult:
 
 
 def view_of(truth: dict[str, Any]) -> CupView:
-    """The true view of a scene."""
+    """Returns the exact camera view of a scene."""
     camera = truth["camera"]
     lens = PinholeCamera(
         camera["width"], camera["height"], camera["focal"], camera["focal"],
@@ -87,7 +87,7 @@ def view_of(truth: dict[str, Any]) -> CupView:
 
 
 def measured(folder: Path) -> SceneResult:
-    """The heights of a scene's images, in their order."""
+    """Measures all images of a scene in order."""
     truth = json.loads((folder / "truth.json").read_text())
     kind = truth["about"].partition(",")[0]
     moving = [frame for frame in truth["frames"] if frame["MSH"] > AT_REST]
@@ -105,7 +105,7 @@ def measured(folder: Path) -> SceneResult:
 
 
 def table(results: list[SceneResult]) -> str:
-    """The table in Markdown, a row for each kind of container and all."""
+    """Formats the accuracy by kind of container as a Markdown table."""
     lines = [
         "| container | images | lost | flagged | unflagged: rms, largest | all: rms, largest "
         "| silent |",
@@ -133,10 +133,12 @@ def _errors(heights: list[Height]) -> str:
 
 
 def main() -> int:
-    """Reads the command line."""
+    """Measures the scenes in a folder and prints or writes the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenes", type=Path, help="folder of the rendered scenes")
-    parser.add_argument("--tuning", action="store_true", help="those of even number")
+    parser.add_argument(
+        "--tuning", action="store_true", help="use the scenes of even number, for tuning"
+    )
     parser.add_argument("--each", action="store_true", help="print each scene's errors")
     parser.add_argument("--docs", action="store_true", help="write the table into docs/")
     args = parser.parse_args()

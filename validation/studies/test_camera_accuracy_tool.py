@@ -1,4 +1,4 @@
-"""The camera's accuracy tool: right figures of known errors, the same disturbances each time."""
+"""Tests the camera's accuracy tool with known errors and reproducible disturbances."""
 
 import importlib
 import json
@@ -60,7 +60,7 @@ FRAMES = (
 
 @pytest.fixture
 def folder(tmp_path):
-    """Six frames of 64 x 48 pixels; the liquid's picture does not matter to a stand-in."""
+    """Writes a sequence of six frames of 64 x 48 pixels for a fake detector."""
     truth = {
         "R": 0.05,
         "h": 0.07,
@@ -88,7 +88,7 @@ def folder(tmp_path):
 
 
 def measured(msh, **given):
-    """What a detector says; the fitted line as the highest point unless given."""
+    """Returns a measurement with a maximum height, which is also the fitted one by default."""
     values = {
         "msh": msh,
         "msh_stddev": 1 * MM,
@@ -106,7 +106,7 @@ def measured(msh, **given):
 
 
 class StandIn:
-    """Says what a table says, by the frame's index."""
+    """Fake detector that returns given measurements by frame index."""
 
     def __init__(self, answers):
         self.answers = answers
@@ -273,7 +273,7 @@ def test_hidden_share_of_the_line(tool, folder):
 
 
 class DarkAdds:
-    """Half a millimetre too high; three times that in the dark, where one frame is flagged."""
+    """Fake detector with an error of 0.5 mm, in dark frames of 1.5 mm."""
 
     def learn_still(self, image):
         return 0.0

@@ -1,4 +1,4 @@
-"""Damaged files and pictures that do not fit, of rendered sequences: none is wrong in silence."""
+"""Tests that no damaged or unsuitable image gives a wrong height without a flag."""
 
 import importlib
 import sys
@@ -12,7 +12,7 @@ NAMES = ("A_planar", "A_rotating", "B_rotating", "D_rotating")
 
 @pytest.fixture
 def damage(monkeypatch):
-    """The tool, under its plain name."""
+    """Imports the study camera_damage by its plain name."""
     monkeypatch.syspath_prepend(str(STUDIES))
     yield importlib.import_module("camera_damage")
     sys.modules.pop("camera_damage", None)
@@ -20,7 +20,7 @@ def damage(monkeypatch):
 
 @pytest.fixture
 def sequences(damage):
-    """The rendered sequences of the shared data."""
+    """Reads the rendered sequences of the shared data; skips the test without them."""
     folders = damage.shared_sequences()
     if not folders:
         pytest.skip("no rendered sequences in the shared data")

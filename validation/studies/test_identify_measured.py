@@ -1,4 +1,4 @@
-"""A robot's measured cup, identified: skipped where the measurements are not there."""
+"""Tests the identification of a robot's measured cup; skipped without the measurements."""
 
 import math
 

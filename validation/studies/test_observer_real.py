@@ -1,4 +1,4 @@
-"""The study of left-out heights tells whether an observer's intervals are right."""
+"""Tests that the study of left-out heights recognises right and wrong intervals."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ NOISE = 1.5e-3
 
 @pytest.fixture(scope="module")
 def run():
-    """A cup that is pushed to and fro, and its heights with noise."""
+    """Returns a simulated cup that is pushed to and fro, with noisy heights."""
     model = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
     t = np.arange(0.0, 6.0, 0.002)
     push = np.where((t > 1.5) & (t < 4.0), 0.3 * np.sin(15.0 * (t - 1.5)), 0.0)

@@ -1,4 +1,4 @@
-"""The packaging study in small: its limits of the straight line, its models, its resuming."""
+"""Tests the packaging study on few experiments: limits, models and resumption."""
 
 from __future__ import annotations
 

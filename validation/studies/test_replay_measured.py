@@ -1,4 +1,4 @@
-"""The models against real and CFD measurements, where the data are present."""
+"""Compares the models with measurements and CFD results, if the data are present."""
 
 import os
 from pathlib import Path
@@ -22,7 +22,7 @@ CUP = Model(Cylinder(0.05, 0.07))
 
 @pytest.fixture(scope="module", params=[pytest.param("published", marks=pytest.mark.long), "own"])
 def untilted(request, tmp_path_factory):
-    """Replays of runs of a robot's cup: those that are published, and our own."""
+    """Returns replays of runs of a robot's cup: published ones, or simulated ones."""
     folder = ANTISLOSHING
     if request.param == "own":
         folder = write_runs(tmp_path_factory.mktemp("own"))

@@ -1,4 +1,4 @@
-"""What the study of tuning numbers counts as a change."""
+"""Tests what the study of tuning numbers counts as a change."""
 
 import math
 

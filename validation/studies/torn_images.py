@@ -1,4 +1,4 @@
-"""Images torn between two moments: what the detector makes of them, and of the whole ones.
+"""Tests what the detector makes of images torn between two moments, and of whole images.
 
     tools/run python validation/studies/torn_images.py [--half 0|1] [--scenes 24]
 
@@ -39,7 +39,7 @@ DIFFERS = 12  # grey levels by which a pixel is seen to be of another moment
 
 @dataclass
 class Tally:
-    """What came of images."""
+    """Counts of whole and torn images, and of wrong judgements of each."""
 
     honest: int = 0
     false: int = 0
@@ -52,7 +52,7 @@ class Tally:
 
 @dataclass(frozen=True)
 class Frame:
-    """An image, its true height, and what of it is of which moment."""
+    """An image with its exact height; for a torn image also the whole one."""
 
     stamp_ns: int
     image: Image
@@ -63,7 +63,7 @@ class Frame:
 
 
 def motion(random: np.random.Generator, times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """First mode at +x and +y (N, 2) [m]: driven for a while, in one direction or around."""
+    """Draws first-mode heights (N, 2) [m] at +x and +y over time, for a driven wave."""
     omega, damping, step = random.uniform(16.0, 21.0), random.uniform(0.005, 0.03), 1e-3
     strength, period = random.uniform(0.8, 4.0), random.uniform(0.25, 0.9)
     turn, spin = random.uniform(-np.pi, np.pi), random.choice([0.0, 0.0, 1.0])
@@ -86,7 +86,7 @@ def motion(random: np.random.Generator, times: NDArray[np.float64]) -> NDArray[n
 
 
 def drawn(seed: int) -> tuple[FreeSurfaceDetector, list[Frame]]:
-    """A drawn sequence and the detector that knows its still image."""
+    """Draws a random sequence with torn images, and its initialised detector."""
     random = np.random.default_rng(seed)
     shipped = read_calibration(CAMERA)
     azimuth, elevation = random.uniform(-np.pi, np.pi), np.radians(random.uniform(0.0, 25.0))
@@ -138,7 +138,7 @@ def _torn(frame: Frame, old: Image, changed: NDArray[np.bool_], part: slice) -> 
 
 
 def rendered(folder: Path, seed: int) -> tuple[FreeSurfaceDetector, list[Frame]]:
-    """A rendered sequence, torn."""
+    """Returns a rendered sequence with torn images, and its initialised detector."""
     random = np.random.default_rng(seed)
     sequence = read_sequence(folder)
     detector = FreeSurfaceDetector(sequence.calibration)
@@ -164,7 +164,7 @@ def rendered(folder: Path, seed: int) -> tuple[FreeSurfaceDetector, list[Frame]]
 
 
 def scenes(half: int, count: int) -> Iterator[tuple[str, FreeSurfaceDetector, list[Frame]]]:
-    """The scenes of one half."""
+    """Yields the sequences of one half: drawn and rendered ones."""
     for seed in range(half, 2 * count, 2):
         yield f"drawn {seed}", *drawn(seed)
     for number, folder in enumerate(shared_sequences()):
@@ -174,7 +174,7 @@ def scenes(half: int, count: int) -> Iterator[tuple[str, FreeSurfaceDetector, li
 
 
 def measure(name: str, detector: FreeSurfaceDetector, frames: list[Frame], tally: Tally) -> None:
-    """Counts what is measured in a sequence, as it is and without its torn images."""
+    """Counts the detector's results for a sequence, with torn and with whole images."""
     for frame in frames:
         image = frame.image if frame.whole is None else frame.whole
         found: Measurement = detector.follow(frame.stamp_ns, detector.look(image))
@@ -201,7 +201,7 @@ def measure(name: str, detector: FreeSurfaceDetector, frames: list[Frame], tally
 
 
 def main() -> None:
-    """Prints the figures of one half."""
+    """Runs all sequences of one half and prints the counts."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--half", type=int, choices=(0, 1), default=1)
     parser.add_argument("--scenes", type=int, default=24)

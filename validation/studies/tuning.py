@@ -1,4 +1,4 @@
-"""Moves each tuning number of a room by 20 % and tells what changes on the validation scenes.
+"""Changes each tuning number of a package by 20 % and reports changed results.
 
     tools/run python validation/studies/tuning.py slosh_camera.cylinder [-o TABLE.csv]
 
@@ -48,7 +48,7 @@ Answers = dict[str, list[Answer] | str]
 
 
 class Change(NamedTuple):
-    """RMS of the lengths' changes [mm], images or bags with other flags, scenes refused or not."""
+    """Changed results: rms of lengths [mm], images with other flags, refused scenes."""
 
     rms: float
     flags: int
@@ -56,16 +56,18 @@ class Change(NamedTuple):
 
     @property
     def told(self) -> tuple[str, int, int]:
-        """As a table shows it."""
+        """Formats the change for a table."""
         return f"{self.rms:.3g}", self.flags, self.refused
 
 
 def main() -> int:
-    """Runs the command; returns its exit code."""
+    """Changes all tuning numbers of a package and prints the table; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("room", choices=ROOMS, help="package whose numbers are moved")
     parser.add_argument("-o", dest="output", type=argparse.FileType("w"), default=sys.stdout)
-    parser.add_argument("--only", default="", metavar="NAME", help="names that contain this")
+    parser.add_argument(
+        "--only", default="", metavar="NAME", help="change only numbers with NAME in their name"
+    )
     parser.add_argument("--workers", type=int, default=2, help="processes at a time")
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
@@ -92,7 +94,7 @@ def main() -> int:
 
 
 def numbers_of(room: str) -> list[tuple[str, str, Any, str]]:
-    """Name, unit, value and meaning of each number of a room."""
+    """Returns name, unit, value and meaning of each tuning number of a package."""
     tuning: Any = importlib.import_module(f"{room}.tuning").TUNING
     return [
         (one.name, one.metadata["unit"], getattr(tuning, one.name), one.metadata["meaning"])
@@ -101,7 +103,7 @@ def numbers_of(room: str) -> list[tuple[str, str, Any, str]]:
 
 
 def moved(value: Any, by: float) -> Any:
-    """A number, or each number of a tuple, changed by a part of it."""
+    """Returns a number, or each number of a tuple, changed by a relative amount."""
     if isinstance(value, tuple):
         return tuple(moved(one, by) for one in value)
     if isinstance(value, int):
@@ -110,12 +112,12 @@ def moved(value: Any, by: float) -> Any:
 
 
 def prepared(room: str) -> dict[str, Scene]:
-    """The scenes of a room."""
+    """Returns the test scenes of a package by name."""
     return {name: scene for make in ROOMS[room][0] for name, scene in make().items()}
 
 
 def measured(room: str, numbers: dict[str, Any]) -> Answers:
-    """Answers of all scenes of a room, with other values of some of its numbers."""
+    """Measures all scenes of a package with other values of some tuning numbers."""
     module: Any = importlib.import_module(f"{room}.tuning")
     module.TUNING = dataclasses.replace(module.TUNING, **numbers)
     answers: Answers = {}
@@ -128,7 +130,7 @@ def measured(room: str, numbers: dict[str, Any]) -> Answers:
 
 
 def change(usual: Answers, other: Answers) -> Change:
-    """What has changed, scene by scene and image by image."""
+    """Compares the results with usual and with changed tuning numbers."""
     differences, flags, refused = [0.0], 0, 0
     for name, before in usual.items():
         after = other[name]

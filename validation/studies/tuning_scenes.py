@@ -1,4 +1,4 @@
-"""The scenes on which tuning numbers are moved, and what is measured in them."""
+"""The test scenes for changed tuning numbers, and how they are measured."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FRAME = 40_000_000  # [ns]
 
 
 class Scene(NamedTuple):
-    """A calibration, an image of the liquid at rest, and images with stamps [ns]; or a bag."""
+    """Input of a test: calibration, image at rest and stamped images, or a bag."""
 
     source: Any
     still: Any = None
@@ -28,14 +28,14 @@ class Scene(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What is measured in one image: lengths [m], and its flags."""
+    """Result for one image or bag: lengths [m], and flags as text."""
 
     lengths: tuple[float, ...]
     flags: str
 
 
 def detected(scene: Scene) -> Iterator[Answer]:
-    """What a detector measures that has learnt from the still image."""
+    """Yields the detector's measurements of a scene's images."""
     from slosh_camera.detection.detectors import detector_for
 
     detector = detector_for(scene.source)
@@ -47,7 +47,7 @@ def detected(scene: Scene) -> Iterator[Answer]:
 
 
 def calibrated(scene: Scene) -> Iterator[Answer]:
-    """The camera's place by the still image, and the errors of heights that are claimed."""
+    """Yields the pose calibrated from a scene's image at rest, and the stated height errors."""
     from slosh_camera.calibrate.still import calibrate_by_edges
 
     view = scene.source.view
@@ -56,7 +56,7 @@ def calibrated(scene: Scene) -> Iterator[Answer]:
 
 
 def replayed(scene: Scene) -> Iterator[Answer]:
-    """The heights of all models at a bag's images, and what the monitor says of them."""
+    """Yields the models' heights at a bag's images, and the monitor's results."""
     from slosh_replay import replay_bag
 
     result = replay_bag(scene.source)
@@ -65,12 +65,12 @@ def replayed(scene: Scene) -> Iterator[Answer]:
 
 
 def bags() -> dict[str, Scene]:
-    """The shipped bags."""
+    """Returns the shipped example bags as scenes."""
     return {path.parent.name: Scene(path.parent) for path in ROOT.glob("bags/*/metadata.yaml")}
 
 
 def rendered() -> dict[str, Scene]:
-    """The rendered sequences of the tests, and an image under every third disturbance."""
+    """Returns rendered sequences as scenes, also with every third disturbance."""
     from camera_disturbances import all_disturbances
     from camera_sequences import read_image, read_sequence, sequences_in
 
@@ -89,7 +89,7 @@ def rendered() -> dict[str, Scene]:
 
 
 def drawn() -> dict[str, Scene]:
-    """Cups as the camera's tests draw them.
+    """Returns scenes with drawn cups, as the camera's tests use them.
 
     Waves, one of them over the rim, other levels, a torn image, and one that comes again.
     """
@@ -115,7 +115,7 @@ def drawn() -> dict[str, Scene]:
 
 
 def traced() -> dict[str, Scene]:
-    """Side views as the study of their accuracy traces them, one of them torn."""
+    """Returns scenes with ray-traced side views, one of them torn."""
     from side_view_scene import draw, still
     from side_view_tables import CASES, random_liquid
 

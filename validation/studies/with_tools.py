@@ -1,4 +1,4 @@
-"""Importing this makes the modules in `tools` importable, which studies share with the tests."""
+"""Makes the modules in `tools` importable when it is imported."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A peer's answer, run on a motion: the truth closes the gap, nothing closes nothing."""
+"""Tests the removed share of the error: all for the true equation, nothing for none."""
 
 import numpy as np
 import pytest

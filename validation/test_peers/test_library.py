@@ -1,4 +1,4 @@
-"""The peers' library says what the truth does: with its true coefficients nothing is left."""
+"""Tests that the candidate terms with true coefficients explain the simulated truth exactly."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Each sparse regression finds a plain effect; left out where PySINDy is not installed."""
+"""Tests that each sparse regression finds an obvious effect; skipped without PySINDy."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Truths whose hidden effect the peers' library says exactly, and a motion that shows it."""
+"""Test liquids whose hidden effect the candidate terms express exactly, and a motion."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -27,7 +27,7 @@ HIDDEN = {
 
 
 def motion():
-    """Two seconds in all directions, with a lift, a turn and a lean."""
+    """Returns a motion of 2 s in all directions, with lift, yaw and tilt."""
     t = np.arange(0.0, 2.0, 1.0 / 250.0)
     swell = np.sin(np.pi * t / 2.0) ** 4
     waves = [3.0 * np.sin(17.0 * t), 2.0 * np.cos(15.0 * t), 2.0 * np.sin(24.0 * t)]

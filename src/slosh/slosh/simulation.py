@@ -13,7 +13,8 @@ import numpy as np
 from slosh.arguments import as_file, the_model
 from slosh_bringup.simulate.answer import check_possible, doubts
 from slosh_model.gaps import gap_text
-from slosh_model.simulate import Inputs, Response
+from slosh_model.response import Response
+from slosh_model.simulate import Inputs
 from slosh_model.simulate import simulate as simulate_inputs
 from slosh_model.tilt import feeling
 from slosh_plan.doubts import path_doubts, trajectory_doubts

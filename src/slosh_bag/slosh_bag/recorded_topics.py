@@ -14,7 +14,7 @@ from typing import Final
 
 from slosh_bag.errors import SloshBagError
 from slosh_msgs_py import topics
-from slosh_msgs_py.topics import Publishers, TopicRole
+from slosh_msgs_py.topics import Publishers, Topic, TopicRole
 
 RAW: Final = "sensor_msgs/msg/Image"
 COMPRESSED_ENDING: Final = "/compressed"
@@ -63,9 +63,9 @@ class TopicChoice:
     def __init__(
         self, namespace: str, include: str = "", exclude: str = "", *, raw_images: bool = False
     ) -> None:
-        home = namespace.rstrip("/")
-        rows = [row for row in topics.TOPICS if row.recorded]
-        self._own = {row.name if row.is_absolute else f"{home}/{row.name}": row for row in rows}
+        self._home = f"{namespace.rstrip('/')}/"
+        rows = [row for row in topics.TOPICS if row.recorded and row.is_absolute]
+        self._shared = {row.name: row for row in rows}
         self._include = _pattern("topics", include)
         self._exclude = _pattern("exclude", exclude)
         self._raw_images = raw_images
@@ -78,7 +78,7 @@ class TopicChoice:
 
     def has_one_publisher(self, topic: str, message_type: str) -> bool:
         """Whether a topic may have only one publisher."""
-        row = self._own.get(topic)
+        row = self._row(topic)
         if row is not None and row.type == message_type:
             return row.publishers is Publishers.ONE
         return message_type in _OF_THE_CELL or (topic in self._used and message_type in _INPUTS)
@@ -120,11 +120,18 @@ class TopicChoice:
     def _is_wanted(self, topic: str) -> bool:
         names = (topic, topic.removesuffix(COMPRESSED_ENDING))
         return any(
-            name in self._own
+            self._row(name) is not None
             or name in self._used
             or (self._include is not None and bool(self._include.search(name)))
             for name in names
         )
+
+    def _row(self, topic: str) -> Topic | None:
+        """Returns the row of one of the cell's own or the shared topics; None: it is no such."""
+        if not topic.startswith(self._home):
+            return self._shared.get(topic)
+        row = topics.row_of(topic.removeprefix(self._home))
+        return row if row is not None and row.recorded else None
 
     def _is_excluded(self, topic: str) -> bool:
         return self._exclude is not None and bool(self._exclude.search(topic))

@@ -23,6 +23,7 @@ from rosbags.typesys.base import TypesysError
 
 from slosh_bag.bag_writer import NEVER, BagWriter, Qos, Split
 from slosh_bag.errors import SloshBagError
+from slosh_bag.held_folder import HeldFolder
 from slosh_bag.mcap_files.mcap_file import FAST
 
 FLUSH_PERIOD = 0.5  # s
@@ -164,6 +165,7 @@ class Recorder:
         self._failed_at = self._retry_at = 0.0
         self._interruptions = 0
         self._free = 0
+        self._held = HeldFolder(folder)
         self._reserve = folder / RESERVE
         self._take_reserve()
         self._sizes: deque[tuple[float, int]] = deque(maxlen=RATE_PERIOD)
@@ -362,6 +364,7 @@ class Recorder:
             self._fail(error, [])
             self._count_missed()
         self._open = []
+        self._held.release()
 
     def _count_missed(self) -> None:
         left = Counter(item.topic for item in self._queue if isinstance(item, _Message))
@@ -383,6 +386,8 @@ class Recorder:
         self._unkept[""] += gone
         self._lost_meanwhile += gone
         self._open = []
+        self._held.release()
+        self._held = HeldFolder(self._writer.folder)
         self._take_reserve()
         self._interruptions += 1
 

@@ -85,7 +85,7 @@ class NotedDefinitions(Definitions):
         self._hashes.setdefault(message_type, channel.metadata.get("topic_type_hash", ""))
 
     def schema(self, message_type: str) -> tuple[str, bytes] | None:
-        """Returns the bag's schema of a message type, in any schema language.
+        """Returns a message type's schema as stored in the bag, whatever its language.
 
         Raises:
             SloshBagError: it has none, or several that differ.

@@ -13,6 +13,7 @@ from slosh_bag.black_box.event_bags import EventRecorder, KeptBag, noted_events,
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.mcap_file import McapFile
 from slosh_bag.reader import BagReader
+from slosh_bag.recorder import Recorder
 
 SECOND = 1_000_000_000
 HEADER = "std_msgs/msg/Header"
@@ -189,3 +190,50 @@ def test_all_bags_together_keep_to_the_quota(tmp_path):
     sizes = [sum(f.stat().st_size for f in bag.iterdir()) for bag in tmp_path.iterdir()]
     assert sum(sizes) <= 10_000_000
     assert names(tmp_path)[-1] == "0012_limit"
+
+
+def test_a_bag_without_messages_displaces_no_other(tmp_path, monkeypatch):
+    recorder = recorder_of(tmp_path, per_cause=2)
+    close = Recorder.close
+
+    def emptied(self):
+        close(self)
+        for file in self.path.parent.glob("*.mcap"):
+            file.unlink()
+
+    for begin in (0, 10, 20):
+        hear(recorder, begin, begin + 5)
+        happen(recorder)
+        if begin == 20:  # as on a disk that is full to the last byte
+            monkeypatch.setattr(Recorder, "close", emptied)
+        hear(recorder, begin + 5, begin + 9)
+    recorder.close()
+    monkeypatch.undo()
+    assert names(tmp_path) == ["0001_limit", "0002_limit"]
+    assert recorder.box.missed == 1
+    # One that a killed recorder left behind is none, and its number is not used again.
+    (tmp_path / "0007_limit").mkdir()
+    recorder = recorder_of(tmp_path, per_cause=2)
+    hear(recorder, 0, 5)
+    happen(recorder)
+    hear(recorder, 5, 9)
+    recorder.close()
+    assert names(tmp_path) == ["0002_limit", "0007_limit", "0008_limit"]
+
+
+def test_a_quota_that_is_too_small_for_an_event_is_told(tmp_path):
+    recorder = recorder_of(tmp_path, quota=10_000)
+    hear(recorder, 0, 5)
+    assert recorder.shortage == ""
+    happen(recorder)
+    for k in range(50, 58):
+        hear(recorder, 5, 6, DATA + bytes(1000))
+        recorder.add("/h", DATA + bytes(1000), k * SECOND // 10)
+    assert "larger than half of event_quota" in recorder.shortage
+    recorder.close()
+    roomy = recorder_of(tmp_path / "roomy")
+    hear(roomy, 0, 5)
+    happen(roomy)
+    hear(roomy, 5, 9)
+    roomy.close()
+    assert roomy.shortage == ""

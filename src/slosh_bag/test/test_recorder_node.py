@@ -1,6 +1,7 @@
 """Tests the recorder node over DDS: all bytes, late joiners and publishers' QoS."""
 
 import itertools
+import os
 import random
 import re
 import time
@@ -20,7 +21,7 @@ from slosh_bag.nodes.recorder_node import RecorderNode
 from slosh_bag.nodes.topic_input import Received
 from slosh_bag.reader import BagReader
 from slosh_msgs.msg import FreeSurface, LimitEvent, NodeSettings, SloshEstimate
-from slosh_msgs_py import qos
+from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import WARN
 from slosh_msgs_py.node.readiness import RECORDED
 from slosh_replay.recording.facts import shared_topics_line
@@ -329,3 +330,24 @@ def test_raw_images_are_recorded_where_there_are_no_compressed_ones(graph, cell)
     images = [topic == raw.topic_name for topic in (m.topic for m in recorded)]
     widths = [content.width for content, own in zip(contents, images, strict=True) if own]
     assert widths == [3, 4]
+
+
+def test_old_bags_of_earlier_runs_are_deleted_and_told(graph, tmp_path):
+    runs = tmp_path / "cell"
+    old = runs / "2026-01-01T10-00-00" / "bag"
+    old.mkdir(parents=True)
+    (old / "bag_0.mcap").write_bytes(bytes(5_000_000))
+    os.utime(old / "bag_0.mcap", (time.time() - 9 * 86400.0,) * 2)
+    (runs / "2026-01-10T10-00-00").mkdir()
+    told = graph.listen(DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS)
+    graph.folder = runs / "2026-01-10T10-00-00" / "bag"
+    graph.record(store_days=7.0)
+
+    def facts():
+        found = [one for array in told for one in array.status if one.name == "/recorder"]
+        return {pair.key: pair.value for pair in found[-1].values} if found else {}
+
+    graph.until(lambda: facts().get("deleted bags") == "1", "the deletion")
+    assert not old.exists()
+    assert graph.folder.is_dir()
+    graph.recorder.close()

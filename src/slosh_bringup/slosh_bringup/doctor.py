@@ -32,6 +32,7 @@ OWN_PACKAGES = (
     "slosh_plan",
     "slosh_replay",
     "slosh_discovery",
+    "slosh_plc",
     "slosh_bringup",
 )
 
@@ -66,7 +67,9 @@ def examine() -> Iterator[DoctorFinding]:
     yield library("mcap", "mcap", "1.5")
     yield library("rosbags", "rosbags", "0.10")
     yield library("distributed", "Dask distributed", "2025.1")
-    yield kinematics()
+    yield optional("pinocchio", "Pinocchio", "motions of joints", "joints.txt")
+    yield optional("duckdb", "DuckDB", "slosh query", "fleet.txt")
+    yield optional("asyncua", "asyncua", "slosh plc", "plc.txt")
     yield guarded(compiled_code)
     yield guarded(message_exchange)
     yield shared_memory()
@@ -194,13 +197,18 @@ def disk() -> DoctorFinding:
     )
 
 
-def kinematics() -> DoctorFinding:
-    """Checks that Pinocchio is installed, which joint-state input needs."""
-    there = importlib.util.find_spec("pinocchio") is not None
-    remedy = "only for motions of joints: pip install -r requirements/joints.txt"
-    return DoctorFinding(
-        "Pinocchio", there, "found" if there else "not found", remedy, required=False
-    )
+def optional(module: str, name: str, purpose: str, file: str) -> DoctorFinding:
+    """Checks whether an optional library is installed.
+
+    Args:
+        module: its import name.
+        name: its name for people.
+        purpose: what needs it.
+        file: requirements file that installs it.
+    """
+    there = importlib.util.find_spec(module) is not None
+    remedy = f"only for {purpose}: pip install -r requirements/{file}"
+    return DoctorFinding(name, there, "found" if there else "not found", remedy, required=False)
 
 
 def tool(name: str, remark: str) -> DoctorFinding:

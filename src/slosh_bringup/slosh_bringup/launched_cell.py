@@ -21,6 +21,7 @@ from slosh_bringup.live.cell_setup import (
     NAMESPACE,
     CellSetup,
     default_setup,
+    read_cameras,
     read_namespace,
     read_remap,
 )
@@ -34,6 +35,7 @@ from slosh_bringup.processes import (
     STOP_TIMEOUT,
     NodeProcess,
     config_folder,
+    kind_of,
     pause,
     restarted,
 )
@@ -63,12 +65,24 @@ ARGUMENTS = (
     Argument("model", "", "model file of container and liquid; empty: the simulated cell's"),
     Argument("calibration", "", "calibration of the camera; empty: the simulated camera's"),
     Argument(
+        "cameras",
+        "{}",
+        "calibration of each camera of a tray's container, as YAML: "
+        "'{left: /path/left.yaml, right: /path/right.yaml}'; in place of calibration",
+    ),
+    Argument(
         "input",
         "",
         f"input of the estimator: {', '.join(DRIVING)}; empty: as in the parameter file",
     ),
     Argument("remap", "{}", "robot's topic for each cell topic, as YAML: '{imu: /arm/imu}'"),
     Argument("camera", "true", "measure with a camera; false: estimate only"),
+    Argument(
+        "force",
+        "",
+        "identification.json of `slosh identify --force`: measure with a force sensor, beside the "
+        "camera or with camera:=false in its place",
+    ),
     Argument("record", "true", "record to OUTPUT/DATE-TIME/bag"),
     Argument("output", "out/cell", "folder of the recordings, with the link `latest`"),
     Argument("predict", "false", "predict planned motions: the service predict"),
@@ -77,6 +91,7 @@ ARGUMENTS = (
     Argument("plan", "false", "plan motions: the service plan, the action plan_motion"),
     Argument("govern", "", f"limit commands: {', '.join(COMMANDING)}; empty: no governor"),
     Argument("watch", "false", f"serve the operator's page on this machine, port {PORT}"),
+    Argument("plc", "false", "serve the cell's state over OPC UA, MQTT or Modbus TCP"),
     Argument("simulate", "false", "play a motion instead of reading a robot's topics"),
     Argument("motion", "c3", "motion of the simulated cell: a name or a motion table"),
 )
@@ -173,36 +188,51 @@ class LaunchedCell:
         """Creates the cell's set-up from the launch arguments and checks its files."""
         default, given = default_setup(), self._given
         # As a cell file, so that both take the same and refuse the same.
-        text = f"namespace: {json.dumps(given['namespace'])}\nremap:\n  {given['remap']}\n"
+        text = (
+            f"namespace: {json.dumps(given['namespace'])}\nremap:\n  {given['remap']}\n"
+            f"calibration:\n  {given['cameras']}\n"
+        )
         try:
             source = parse_yaml(text, "launch arguments")
         except SloshFileError as error:
-            raise SloshBringupError(f"remap:={given['remap']}: {error}") from None
+            wrong = "remap" if given["cameras"] == "{}" else "cameras"
+            raise SloshBringupError(f"{wrong}:={given[wrong]}: {error}") from None
         namespace = read_namespace(source, source.value["namespace"])
-        calibration = Path(given["calibration"] or config_folder() / "camera.yaml").absolute()
+        model = Path(given["model"] or default.model).absolute()
+        calibration: Path | None = self._calibration()
+        cameras = read_cameras(source, model)
+        if cameras:
+            calibration = cameras.pop("", None)
         setup = CellSetup(
-            model=Path(given["model"] or default.model).absolute(),
-            calibration=calibration,
+            model=model,
+            calibration=None if "camera" in self._absent else calibration,
             parameters=Path(given["parameters"] or default.parameters).absolute(),
             namespace=namespace,
-            remap=read_remap(source, namespace, source.value["remap"]),
+            remap=read_remap(source, namespace, source.value["remap"], tuple(cameras)),
+            force=Path(given["force"]).absolute() if given["force"] else None,
+            cameras=cameras,
             govern=given["govern"],
         )
+        if setup.force is not None and not setup.force.is_file():
+            raise SloshBringupError(f"force:={given['force']}: no such file")
         read_tray(setup.model)
-        if "camera" not in self._absent:
-            read_any_calibration(calibration)
-        check_parameter_file(setup.parameters, namespace)
+        first = [calibration] if calibration and "camera" not in self._absent else []
+        for path in (*first, *cameras.values()):
+            read_any_calibration(path)
+        check_parameter_file(setup.parameters, namespace, setup.camera_nodes.values())
         return setup
 
+    def _calibration(self) -> Path:
+        """Returns the camera's calibration, also of a camera that only the simulated cell has."""
+        return Path(self._given["calibration"] or config_folder() / "camera.yaml").absolute()
+
     def _own(self, setup: CellSetup, bag: Path) -> list[NodeProcess]:
-        """Returns the processes of recorder, estimator, camera and monitor, if enabled."""
+        """Returns the enabled processes among recorder, estimator, camera and monitor."""
         more: dict[str, dict[str, str]] = {}
         if self._given["input"]:
             more["estimator"] = {"input": self._given["input"]}
         if self._given["input"] == JOINTS:
             more["estimator"] |= self._robot()
-        if "camera" in self._absent:
-            more["monitor"] = {"camera": "false"}
         return [
             _with(process, more.get(process.name, {}))
             for process in setup.processes(bag)
@@ -222,7 +252,7 @@ class LaunchedCell:
         if len(robot) == 1:  # the joints' robot is described by a topic
             robot = {}
         own = {"predict": ("predictor", model | robot), "watch": ("watch", {})}
-        own["plan"] = ("planner", model)
+        own |= {"plan": ("planner", model), "plc": ("plc", {})}
         return [
             NodeProcess(name, [setup.parameters], parameters, setup.remap)
             for argument, (name, parameters) in own.items()
@@ -246,7 +276,7 @@ class LaunchedCell:
             [setup.parameters],
             {
                 "motion": motion,
-                "calibration": str(setup.calibration),
+                "calibration": str(self._calibration()),
                 "wait_for": ",".join(
                     one.name for one in setup.processes(Path()) if one.name not in self._absent
                 ),
@@ -258,7 +288,7 @@ class LaunchedCell:
 
 def package_of(process: NodeProcess) -> str:
     """Returns the name of the ROS package that contains a node's program."""
-    return NODES[process.name].partition(".")[0]
+    return NODES[kind_of(process.name)].partition(".")[0]
 
 
 def time_to_stop(process: NodeProcess) -> float:
@@ -267,12 +297,15 @@ def time_to_stop(process: NodeProcess) -> float:
 
 
 def typed_parameters(process: NodeProcess) -> dict[str, Any]:
-    """Returns a node's own parameters, converted to their declared types.
+    """Returns the parameters set for a node, converted to their declared types.
 
     Raises:
         SloshBringupError: a value is refused; one line.
     """
-    specs = {spec.name: spec for spec in importlib.import_module(NODES[process.name]).PARAMETERS}
+    specs = {
+        spec.name: spec
+        for spec in importlib.import_module(NODES[kind_of(process.name)]).PARAMETERS
+    }
     values: dict[str, Any] = {}
     for name, text in process.parameters.items():
         spec = specs.get(name)

@@ -111,7 +111,7 @@ effects:
 
 
 def _effect(use: EffectUse) -> str:
-    """Returns the lines of model.yaml that describe one effect."""
+    """Returns the lines of model.yaml that describe one modelled effect."""
     lines = [f"  - name: {use.name}  # {find_effect(use.name).title}"]
     lines += [f"    {name}: {value!r}" for name, value in use.parameters.items()]
     return "\n".join(lines) + "\n"
@@ -326,11 +326,16 @@ def lengths_of(shape: str) -> tuple[str, ...]:
         for name, kind in SHAPES.items()
         if name not in _ALREADY
     }
-    simple = [name for name, items in known.items() if not any(i.metadata for i in items)]
+    simple = [
+        name for name, items in known.items() if not any("kind" in i.metadata for i in items)
+    ]
     if shape not in simple:
         more = f"; the points of a {shape} are written into model.yaml by hand" * (shape in known)
         raise SloshBringupError(f"--shape {shape!r:.40} (known: {', '.join(simple)}){more}")
-    return tuple(item.name for item in known[shape] if item.default is MISSING)
+    return tuple(
+        item.name for item in known[shape]
+        if item.metadata.get("asked", item.default is MISSING)
+    )  # fmt: skip
 
 
 _HEIGHTS = ("fill_height", "rim_height", "table")

@@ -17,14 +17,15 @@ from slosh_base.files.errors import SloshFileError
 from slosh_base.files.nearest import nearest
 from slosh_base.files.yaml_document import FLOAT_TAG, INT_TAG, brief, read_yaml, shown
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.processes import NODES
+from slosh_bringup.processes import NODES, kind_of
 
 LEAF = "ros__parameters"
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
 """What rclpy itself reads, beside `qos_overrides`."""
 GIVEN_ELSEWHERE = {
-    "camera": ("calibration",),
+    "camera": ("calibration", "container"),
     "estimator": ("model",),
+    "monitor": ("cameras",),
     "recorder": ("output",),
 }
 """What `slosh cell`, `slosh demo` and the launch file give the nodes over any file."""
@@ -39,18 +40,19 @@ class _Entry(NamedTuple):
     name: str
 
 
-def check_parameter_file(path: Path, namespace: str) -> None:
+def check_parameter_file(path: Path, namespace: str, further: Collection[str] = ()) -> None:
     """Checks that every entry of the file sets a declared parameter of a known node.
 
     Args:
         path: the file.
         namespace: of the nodes.
+        further: names of nodes beside NODES, such as camera_left.
 
     Raises:
         SloshBringupError: no such file, no parameter file, a node or a parameter that nobody has,
             or one that is given elsewhere; one line.
     """
-    nodes = {f"{namespace.rstrip('/')}/{name}": name for name in NODES}
+    nodes = {f"{namespace.rstrip('/')}/{name}": kind_of(name) for name in (*NODES, *further)}
     for line, pattern, parameter in _entries(path):
         reached = [name for full, name in nodes.items() if _fits(pattern, full)]
         if not reached:

@@ -31,6 +31,7 @@ NODES: Mapping[str, str] = {
     "governor": "slosh_plan.nodes.governor_node",
     "monitor": "slosh_estimator.nodes.monitor_node",
     "planner": "slosh_plan.nodes.planner_node",
+    "plc": "slosh_plc.nodes.plc_node",
     "player": "slosh_bag.nodes.player_node",
     "predictor": "slosh_plan.nodes.predictor_node",
     "relay": "slosh_plan.nodes.relay_node",
@@ -57,7 +58,7 @@ class NodeProcess:
     """Settings with which one node process is started.
 
     Attributes:
-        name: one of NODES; also the ROS node's name.
+        name: the ROS node's name: one of NODES, or such as camera_left; see `kind_of`.
         parameter_files: ROS parameter files, later ones win.
         parameters: single parameters, which win over the files.
         remappings: relative topic name -> the robot's topic.
@@ -70,7 +71,7 @@ class NodeProcess:
 
     def command(self, namespace: str) -> list[str]:
         """Returns the command that starts the node, as a list of words."""
-        words = [sys.executable, "-m", NODES[self.name], "--ros-args"]
+        words = [sys.executable, "-m", NODES[kind_of(self.name)], "--ros-args"]
         words += ["-r", f"__ns:={namespace}", "-r", f"__node:={self.name}"]
         for path in self.parameter_files:
             words += ["--params-file", str(path)]
@@ -79,6 +80,11 @@ class NodeProcess:
         for name, topic in self.remappings.items():
             words += ["-r", f"{name}:={topic}"]
         return words
+
+
+def kind_of(name: str) -> str:
+    """Returns which of NODES a node is; the camera of the container left is called camera_left."""
+    return name if name in NODES else name.partition("_")[0]
 
 
 def _quoted(value: str) -> str:

@@ -13,6 +13,7 @@ from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_camera.calibrate.scale import calibrate_by_scale
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.calibration import SideCalibration
+from slosh_model.potential_flow import finite_elements
 
 LEFT, RIGHT, LEVEL, WIDTH = 100, 340, 200, 0.12
 ENDS = ["--scale", "100", "200", "340", "200"]
@@ -52,6 +53,19 @@ def test_heights_are_those_of_the_images_plane_with_the_scales_error(images, cap
     # Of 12 mm the scale alone leaves 3 % open.
     assert 3.0e-4 < float(rows[2]["msh_stddev"]) < 8e-4
     assert float(rows[0]["msh_stddev"]) < 1.5e-4
+
+
+@pytest.mark.skipif(not finite_elements.available(), reason="scikit-fem is not installed")
+def test_a_trough_is_measured_along_its_y_as_a_rectangle_of_its_length(images):
+    model, camera = images / "trough.yaml", images / "camera.yaml"
+    model.write_text(
+        "container: {shape: wedge, half_angle: 0.5, height: 0.1, length: 0.12, fill_height: 0.07}"
+    )
+    still, table = str(images / "still.png"), images / "heights.csv"
+    assert main(["calibrate", still, *ENDS, "--model", str(model), "-o", str(camera)]) == 0
+    assert main(["detect", str(images / "run"), "--camera", str(camera), "-o", str(table)]) == 0
+    heights = [float(row["msh"]) for row in csv.DictReader(table.open())]
+    assert heights == pytest.approx([0.0, 0.006, 0.012], abs=3e-4)
 
 
 def test_a_rolled_camera_reads_a_level_line_as_level():

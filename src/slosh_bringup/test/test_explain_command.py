@@ -98,6 +98,7 @@ PAGES = (
     ("slosh_discovery.discovery_report", "discovery.html.j2"),
     ("slosh_discovery.identification_report", "identification.html.j2"),
     ("slosh_bringup.predict", "predict.html.j2"),
+    ("slosh_bringup.predict", "fleet.html.j2"),
     ("slosh_bringup.watch.page", "index.html"),
 )
 

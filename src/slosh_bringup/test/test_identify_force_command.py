@@ -1,12 +1,17 @@
 """Tests `slosh identify --force` with tables and bags: output and errors."""
 
 import csv
+import json
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from slosh_bringup.cli.main import main
 from slosh_discovery.discover_data.force_reading import _moving_joints, _renamed
+from slosh_discovery.force.workflow import identify_force
+from slosh_discovery.force_report.page import render_force
 from slosh_model.model import Model
 from slosh_model.model_text import format_model, read_model
 from slosh_model.shapes.cylinder import Cylinder
@@ -62,7 +67,21 @@ def test_of_a_table_and_writes_the_model(capsys, tmp_path, record, model):
     check(printed(capsys, *words, "--json"))
     found = read_model(output / "model.yaml")
     assert found.natural_frequency == pytest.approx(TRUTH.frequency, rel=0.003)
-    assert (output / "identification.json").exists()
+    document = json.loads((output / "identification.json").read_text())
+    page = (output / "report.html").read_text()
+    assert page.count("<svg") == 4  # two charts, each wide and narrow
+    assert "force along +fx of the sensor" in page
+    # Each number on the page is that of the document.
+    for value, path in re.findall(r'<data value="([^"]*)" data-path="([^"]*)">', page):
+        part = document
+        for key in path.strip("/").split("/"):
+            part = part[key]
+        assert json.loads(value) == part, path
+
+
+def test_a_name_on_the_page_is_text(record):
+    found = identify_force(replace(record, name="<script>alert(1)</script>"), CUP)
+    assert "<script" not in render_force(found, CUP, CUP)
 
 
 def write_bag(folder, record, more=()):

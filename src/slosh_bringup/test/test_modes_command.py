@@ -79,6 +79,25 @@ def test_a_bulb_tells_that_its_crest_is_inside(model, capsys):
     assert "away from the wall" in said
 
 
+@needs_solver
+def test_a_trough_is_drawn_along_both_axes(model, capsys, tmp_path):
+    tank = model(
+        "container: {shape: lying_cylinder, radius: 0.05, length: 0.12, fill_height: 0.07}"
+    )
+    picture = tmp_path / "trough.svg"
+    facts = json.loads(shown(capsys, tank, "--count", "2", "--json", "--plot", str(picture)))
+    assert [row["axis"] for row in facts["modes"]] == ["x", "x", "y", "y"]
+    for row, reach in zip(facts["modes"], (0.06, 0.06, 0.0458258, 0.0458258), strict=True):
+        places = [place for place, _ in row["surface"]]
+        assert (places[0], places[-1]) == (0.0, pytest.approx(reach, rel=1e-6))
+        assert row["surface"][-1][1] == pytest.approx(row["height_per_displacement"], rel=1e-9)
+    said = shown(capsys, tank, "--count", "1", "--plot", str(picture))
+    assert "crest along y is 40.8 mm from the axis" in said
+    drawn = picture.read_text()
+    assert "x [mm]" in drawn
+    assert "y [mm]" in drawn
+
+
 @pytest.mark.parametrize(
     ("words", "refusal"),
     [

@@ -14,6 +14,7 @@ from slosh_bringup.live.run import check_files
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_camera.calibrate.intrinsics import read_known_camera
 from slosh_camera.errors import SloshCameraError
+from slosh_model.containers import SHAPES
 from slosh_model.liquid import Liquid
 from slosh_model.model_text import read_model
 from slosh_model.potential_flow import finite_elements
@@ -67,6 +68,21 @@ def test_a_cup_by_its_contour_is_read_and_has_no_camera(folder):
     setup = read_setup(folder / "cell.yaml")
     assert setup.calibration is None
     check_files(setup)
+
+
+@needs_solver
+@pytest.mark.parametrize(
+    ("shape", "lengths"),
+    [
+        ("wedge", {"top_width": 0.12, "height": 0.09, "length": 0.3}),
+        ("lying_cylinder", {"radius": 0.08, "length": 0.3}),
+    ],
+)
+def test_a_trough_is_made_from_its_lengths(folder, shape, lengths):
+    words = [word for name, at in lengths.items() for word in ("--length", f"{name}={at}")]
+    assert main(["new", str(folder), "--shape", shape, *words, "--fill-height", "0.06"]) == 0
+    expected = SHAPES[shape](**lengths, fill_height=0.06)
+    assert read_model(folder / "model.yaml").container == expected
 
 
 @pytest.mark.parametrize(

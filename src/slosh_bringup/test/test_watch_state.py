@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from slosh_bringup.cell_watch import ERROR, OK, NodeReport
@@ -17,6 +18,8 @@ from slosh_bringup.watch.state import (
 )
 from slosh_bringup.watch.verdict import CellVerdict, judge
 from slosh_model import Cylinder
+from slosh_model.potential_flow import finite_elements
+from slosh_model.shapes import LyingCylinder, Tray
 
 SECOND = 1_000_000_000
 START_NS = 1_700_000_000 * SECOND
@@ -106,6 +109,25 @@ class TestFrames:
         found = frame(state, 0.0)
         assert found["now"]["to_rim"] == {"measured": -0.002, "estimated": 0.005}
         assert found["container"]["outline"] == [[0.0, -0.06], [0.04, -0.06], [0.04, 0.01]]
+        assert "across" not in found["container"]
+        assert found["container"]["plan"] == []
+
+    @pytest.mark.skipif(not finite_elements.available(), reason="scikit-fem is not installed")
+    def test_a_container_that_looks_another_from_its_end_is_drawn_from_there_too(self):
+        state = WatchState()
+        state.take_container(LyingCylinder(radius=0.05, length=0.2, fill_height=0.04))
+        drawn = frame(state, 0.0)["container"]
+        assert max(x for x, _ in drawn["outline"]) == 0.1
+        assert max(y for y, _ in drawn["across"]) == 0.05
+
+    def test_a_prism_is_drawn_from_above(self):
+        state = WatchState()
+        tray = Tray(width=0.2, depth=0.12, corner_radius=0.03, fill_height=0.04, rim_height=0.07)
+        state.take_container(tray)
+        state.take_comparison(compared(0.0, measured=0.012, estimated=0.005), 0.0)
+        drawn = frame(state, 0.0)["container"]
+        assert np.abs(np.array(drawn["plan"])).max(axis=0).tolist() == [0.1, 0.06]
+        assert drawn["outline"] == [[0.0, -0.04], [0.1, -0.04], [0.1, 0.03]]
 
     def test_a_late_camera_does_not_begin_a_new_drawing_a_played_loop_does(self):
         state = WatchState()

@@ -42,15 +42,16 @@ class Rig(Graph):
         rclpy.init(args=words)
         super().__init__("rig")
 
-    def start(self, kind=Image, topic=topics.IMAGE, quality=qos.IMAGE_OUT):
+    def start(self, kind=Image, topic=topics.IMAGE, quality=qos.IMAGE_OUT, container=""):
         node = self.add(CameraNode())
-        self.heights = self.listen(FreeSurface, topics.FREE_SURFACE)
+        surfaces = topics.of_container(topics.FREE_SURFACE, container)
+        self.heights = self.listen(FreeSurface, surfaces)
         self.reports = self.listen(DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS)
         self.driver = self.node.create_publisher(kind, topic, quality)
         self.until(
             lambda: (
                 self.driver.get_subscription_count() == 1
-                and node.count_subscribers(topics.FREE_SURFACE) == 1
+                and node.count_subscribers(surfaces) == 1
                 and node._publisher.get_subscription_count() == 1
             )
         )
@@ -442,3 +443,49 @@ def test_a_container_that_cannot_be_measured_is_said_so(make_rig, make_scene, pi
     rig.until(lambda: rig.nodes[-1]._looking._next_ns == 3 * SECOND)
     answer = rig.measure(images.image_message(picture, "mono8", 4 * SECOND, "camera_optical"))
     assert answer.msh == pytest.approx(HEIGHT, abs=5e-4)
+
+
+def tray_change(scene, stamp_ns, place, **rises):
+    """Returns a change of a place on a tray whose containers are filled higher by some metres."""
+    models = {
+        name: f"container: {{shape: cylinder, radius: {scene.radius}, "
+        f"fill_height: {scene.fill_height + rise}, rim_height: {scene.rim_height}}}"
+        for name, rise in rises.items()
+    }
+    entries = "".join(f"- {{name: {name}, model: {{{text}}}}}\n" for name, text in models.items())
+    return filled(
+        ContainerChange, stamp_ns=stamp_ns, present=True, model=models["left"], tray_place=place,
+        tray=f"containers:\n{entries}",
+    )  # fmt: skip
+
+
+def test_a_camera_of_a_further_container_has_its_topics_and_follows_its_place(
+    make_rig, make_scene
+):
+    scene = make_scene(camera_height=0.08)
+    rig = make_rig(container="right")
+    rig.start(topic="camera_right/image_raw", container="right")
+    changes = rig.publisher(ContainerChange, topics.CONTAINER, qos.LATCHED_STREAM)
+    looking = rig.nodes[-1]._looking
+
+    def change(stamp_ns, place, **rises):
+        changes.publish(tray_change(scene, stamp_ns, place, **rises))
+
+    refilled = scene.draw(HEIGHT, 0.0, level=0.008)
+    changes.publish(filled(ContainerChange, present=True))
+    rig.until(lambda: not looking._is_first)
+    answer = rig.measure(images.image_message(refilled, "mono8", SECOND, "camera_optical"))
+    assert answer.header.frame_id == "right"
+    assert answer.msh == pytest.approx(HEIGHT + 0.008, abs=1e-3)
+    change(2 * SECOND, "left", left=0.008, right=0.001)  # another camera's
+    change(3 * SECOND, "right", left=0.008, right=0.008)
+    rig.until(lambda: looking._next_ns == 3 * SECOND)
+    assert looking._now is looking._start
+    after = rig.measure(images.image_message(refilled, "mono8", 4 * SECOND, "camera_optical"))
+    assert after.msh == pytest.approx(HEIGHT, abs=5e-4)
+
+
+def test_a_container_that_no_topic_can_carry_is_refused(make_rig):
+    rig = make_rig(container="cup-2")
+    with pytest.raises(SloshMessageError, match=r"rename it in tray\.yaml"):
+        rig.start()

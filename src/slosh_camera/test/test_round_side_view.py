@@ -13,7 +13,7 @@ from slosh_camera.measurement import Flag
 from slosh_camera.optics.round_body import RoundBody, RoundView
 from slosh_camera.rectangle.detector import SideViewDetector
 from slosh_model import Cylinder
-from slosh_model.shapes import Ellipsoid, Frustum, Revolution, Tray
+from slosh_model.shapes import Ellipsoid, Frustum, LyingCylinder, Revolution, Tray
 
 CUP = Frustum(bottom_radius=0.028, top_radius=0.04, height=0.09, fill_height=0.055)
 BOWL = Ellipsoid(radius=0.06, semi_height=0.05, fill_height=0.035, rim_height=0.05)
@@ -113,6 +113,8 @@ def test_what_cannot_be_measured_is_refused_with_the_reason():
         calibrated(CUP, distance=0.05)
     with pytest.raises(SloshCameraError, match="a tray has no silhouette"):
         RoundBody.of(Tray(width=0.2, depth=0.1, corner_radius=0.02, fill_height=0.02))
+    with pytest.raises(SloshCameraError, match=r"along its y it is a rectangle of width 0\.3 m"):
+        RoundBody.of(LyingCylinder(radius=0.05, length=0.3, fill_height=0.02))
     with pytest.raises(SloshCameraError, match="a cylinder has no silhouette"):
         RoundBody.of(Cylinder(0.04, 0.06))
     with pytest.raises(SloshCameraError, match="measured from the side only"):

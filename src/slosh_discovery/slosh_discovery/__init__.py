@@ -1,1 +1,1 @@
-"""Finds which effect a sloshing model lacks, from recordings."""
+"""Finds which physical effect a sloshing model lacks, from recordings."""

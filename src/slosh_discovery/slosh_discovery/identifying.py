@@ -144,7 +144,7 @@ def read_beside(folder: Path) -> Beside:
 def make_report(
     request: IdentificationRequest, prepared: PreparedIdentification, found: Identification
 ) -> IdentificationReport:
-    """Creates the content of the result page and text."""
+    """Creates the content of an identification's result page and terminal text."""
     count, held = len(prepared.fit), len(prepared.holdout)
     source = "the recorded model" if request.model is None else str(request.model)
     return IdentificationReport(

@@ -92,7 +92,7 @@ class AccelInput(CheckedInput):
 
     @property
     def memory(self) -> list[float]:
-        """Returns the reader's state as numbers, except the stamp of the last sample."""
+        """Returns the input reader's state as numbers, without the last sample's stamp."""
         own = [*self.gate.last, *self.sampling.memory]
         return [*own, *self.checked_memory(self.gate.last_ns or 0)]
 
@@ -158,7 +158,7 @@ class AccelInput(CheckedInput):
         return self.refusal()
 
     def remark(self) -> str | None:
-        """Returns a remark about settings that have no effect; None if all have one."""
+        """Returns a remark about settings without effect, or None if there are none."""
         if any(self._arm) and not self._apart:
             return (
                 "sensor_to_origin has no effect: the input accel contains no rotation; connect "
@@ -167,7 +167,7 @@ class AccelInput(CheckedInput):
         return None
 
     def refusal(self) -> str | None:
-        """Returns why samples were dropped because of their frame; None if none were."""
+        """Returns why samples in a wrong coordinate frame were dropped; None if none were."""
         if not self.gate.counts[SampleVerdict.WRONG_FRAME]:
             return None
         if self._apart:
@@ -178,5 +178,6 @@ class AccelInput(CheckedInput):
             )
         return (
             f"accelerations in frame {self.strange_frame!r} are dropped: "
-            f"publish them in {' or '.join(map(repr, self._frames))}"
+            f"publish them in {' or '.join(map(repr, self._frames))}, or publish the transforms "
+            "(/tf) that connect their frame with the container's"
         )

@@ -201,7 +201,7 @@ class MotionWatch:
                 self._standing = found
 
     def _look(self, stamp_ns: int) -> None:
-        """Judges the earliest motion if it is over or too long."""
+        """Judges the earliest motion not yet judged, if it has ended or lasts too long."""
         if not self._moving.spans:
             return
         motion = self._moving.spans[0]

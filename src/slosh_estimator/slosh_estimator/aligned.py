@@ -60,7 +60,7 @@ class AlignedStreams(Generic[Key]):
         self._leader = None
 
     def add(self, key: Key, stamp_ns: int, values: Values) -> None:
-        """Adds values of a stream with their stamp [ns]; ignores values that come late."""
+        """Adds values of a stream with their stamp [ns]; clears all streams after a time jump."""
         stream = self._streams.get(key)
         if stream is None:
             stream = self._streams[key] = _Stream(values)
@@ -90,7 +90,7 @@ class AlignedStreams(Generic[Key]):
         return found
 
     def _choose(self) -> _Stream:
-        """Returns the slowest stream among those whose values changed, or among all."""
+        """Returns the slowest stream with changed values; the slowest of all if none changed."""
         streams = list(self._streams.values())
         moving = [stream for stream in streams if stream.moved] or streams
         slowest = max(moving, key=lambda stream: stream.interval_ns)
@@ -101,7 +101,7 @@ class AlignedStreams(Generic[Key]):
 
 
 class _Stream:
-    """The newest values of one stream.
+    """The newest values of one stream, with their stamps, for interpolation.
 
     Attributes:
         newest_ns: stamp of the newest one [ns].
@@ -119,7 +119,7 @@ class _Stream:
         self._kept: deque[tuple[int, Values]] = deque(maxlen=TUNING.kept_states)
 
     def take(self, stamp_ns: int, values: Values) -> None:
-        """Adds values at a stamp [ns]; ignores a repeated stamp."""
+        """Adds values with their stamp [ns]; ignores values that are not newer."""
         if stamp_ns <= self.newest_ns:
             return
         if self._kept:

@@ -1,4 +1,4 @@
-"""Compares the directions of the measured and the expected wave in the container.
+"""Compares the directions of the measured and the estimated wave in the container.
 
 A sensor or a camera that is turned about the container's axis gives the right heights on the wrong
 side. A wave is compared as a vector, height times the direction of the highest place: that vector
@@ -112,7 +112,7 @@ def measured_waves(surfaces: Surfaces) -> tuple[Waves, Array]:
 def wave_offset(
     seconds: Array, measured: Waves, expected: Waves, axis: Array, noise: float
 ) -> WaveOffset | None:
-    """Computes the angle between the measured and the expected wave of a motion.
+    """Computes the angle [rad] between the measured and the estimated wave of a motion.
 
     The turn is that of the least-squares rotation between the two, its error that of a jackknife
     over stretches of time. It is zero where a time offset explains the waves as well.
@@ -147,7 +147,7 @@ def wave_offset(
 
 
 def _turn(seconds: Array, measured: Waves, expected: Waves) -> WaveOffset | None:
-    """Returns the angle between two waves of unknown relative delay; None if it is uncertain."""
+    """Returns the angle [rad] between two waves of unknown relative delay; None if uncertain."""
     # A rotary wave that comes late looks turned; a planar one half a period late, by 180 degrees.
     reach = round(TUNING.offset_far / TUNING.offset_step)
     lags = np.arange(-reach, reach + 1) * TUNING.offset_step

@@ -32,11 +32,11 @@ class CheckedInput:
         return self.check.doubt if self.flags else None
 
     def remark(self) -> str | None:
-        """Returns a remark about settings that have no effect; None if all have one."""
+        """Returns a remark about settings without effect, or None if there are none."""
         return None
 
     def refusal(self) -> str | None:
-        """Returns why samples were dropped because of their frame; None if none were."""
+        """Returns why samples in a wrong coordinate frame were dropped; None if none were."""
         return None
 
     def checked_memory(self, stamp_ns: int) -> list[float]:
@@ -44,7 +44,7 @@ class CheckedInput:
         return self.check.memory(stamp_ns) if self._remembers else []
 
     def take_up_check(self, stamp_ns: int, memory: Sequence[float]) -> Sequence[float]:
-        """Restores the check's state from the end of the numbers; returns the numbers before."""
+        """Restores the plausibility check from the last saved numbers; returns the others."""
         count = self.check.MEMORY
         if not self._remembers or len(memory) < count:
             return memory

@@ -26,7 +26,7 @@ class Condition(IntEnum):
 
 
 class Expected(NamedTuple):
-    """The measurement that a sensor should make according to the model.
+    """The measurement that a sensor should make at a time, according to the model.
 
     Attributes:
         linear, nonlinear: heights as it reads them [m].
@@ -40,7 +40,7 @@ class Expected(NamedTuple):
     wave: complex = complex(math.nan, math.nan)
 
     def towards(self, other: Expected, share: float) -> Expected:
-        """Interpolates linearly to another expected measurement; `share` is in [0, 1]."""
+        """Interpolates linearly between this and another prediction; `share` is in [0, 1]."""
         return Expected(
             self.linear + share * (other.linear - self.linear),
             self.nonlinear + share * (other.nonlinear - self.nonlinear),
@@ -106,7 +106,7 @@ class MeasuredPoint(NamedTuple):
 
 
 class Waiting(NamedTuple):
-    """A measurement that waits for the estimate of the same time since its arrival [ns]."""
+    """A measurement, with its arrival time [ns], that waits for the estimate of its stamp."""
 
     point: MeasuredPoint
     arrival_ns: int

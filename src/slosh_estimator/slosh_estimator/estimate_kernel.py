@@ -90,14 +90,7 @@ def _heights(store, dt, acceleration, yaw, pose, checks, row, which):  # type: i
     ax, ay, az = acceleration
     hx, hy, turn = kernel.advance(run, modes, ax, ay, az, yaw, pose, dt)
     hx, hy = kernel.turned(hx, hy, turn)
-    if run["cornered"] != 0.0:
-        row[column + MSH] = kernel.corner_height(hx, hy)
-        row[column + AZIMUTH] = kernel.corner_azimuth(
-            hx, hy, modes[0]["radius"], modes[0]["radius_y"]
-        )
-    else:
-        row[column + MSH] = math.sqrt(hx * hx + hy * hy)
-        row[column + AZIMUTH] = math.atan2(hy, hx)
+    row[column + MSH], row[column + AZIMUTH] = kernel.highest_and_azimuth(run, modes[0], hx, hy)
     row[column + SH_X], row[column + SH_Y] = hx, hy
     row[READINGS + which] = row[column + MSH]
     if checks["reads"] != 0.0:

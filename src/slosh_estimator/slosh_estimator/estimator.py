@@ -52,7 +52,7 @@ _UPRIGHT = np.empty((0, POSE_COUNT))
 
 
 class ModelState(NamedTuple):
-    """Result of one model [m, rad, m/s] in container axes, except the modal state.
+    """State and heights of one sloshing model for one sample [m, rad, m/s].
 
     Attributes:
         msh, azimuth: maximum sloshing height and where it is.
@@ -248,7 +248,7 @@ class Estimator:
         self._settled_ns = state.settled_ns
 
     def _is_unmoved(self) -> bool:
-        """Returns whether the container's acceleration raises the liquid by hardly anything."""
+        """Returns whether the container's acceleration is too small to raise a visible wave."""
         last = self._last
         if last is None:
             return self._at_rest
@@ -319,7 +319,7 @@ class Estimator:
         )  # fmt: skip
 
     def _take(self, sample: Sample) -> int:
-        """Processes a sample, stores the results in the output row, and returns its flags."""
+        """Processes a sample, stores results in the output row, returns its validity flags."""
         flags = 0
         last = self._last
         if sample.restarted and last is not None:
@@ -384,7 +384,7 @@ class Estimator:
         return self._pose
 
     def _diverged(self, sample: Sample) -> int:
-        """Restarts from rest at a sample where the model left its range; returns the flag."""
+        """Restarts from rest where the model left its physical range; returns the flag for it."""
         self.divergences += 1
         self._restart(sample.stamp_ns)
         self._step(0.0, sample, True)
@@ -412,7 +412,7 @@ class Estimator:
 
 
 def _distance(modes: NDArray[np.void], others: NDArray[np.void]) -> float:
-    """Returns the distance of two modal states: the highest wave [m] that it may cause."""
+    """Returns the greatest wave height [m] that the difference of two modal states may cause."""
     places = np.hypot(modes["x"] - others["x"], modes["y"] - others["y"])
     speeds = np.hypot(modes["vx"] - others["vx"], modes["vy"] - others["vy"])
     slower = modes["natural_frequency"] * np.minimum(modes["frequency_ratio"], 1.0)

@@ -1,15 +1,16 @@
-"""The container that the gripper holds with its fill height, or an empty gripper."""
+"""What the robot's gripper holds: a container with its fill height, or nothing."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model
+from slosh_model.standing import BOUNDS, Standing
 from slosh_model.tray import Tray
 
 CONTAINER: Final = "container"
@@ -21,7 +22,7 @@ TRAY_PLACE: Final = "tray_place"
 
 @dataclass(frozen=True, slots=True)
 class HeldContainer:
-    """The container that the gripper holds with its fill height, or an empty gripper.
+    """What the robot's gripper holds: a container with its fill height, or nothing.
 
     Attributes:
         model: of the container; where it is empty, of the last one.
@@ -30,6 +31,7 @@ class HeldContainer:
         fill_height: that was given [m]; NaN: none was, and the camera's level stays.
         limit: of the heights [m]; NaN: that of each node.
         fresh: whether the liquid is another than before: still where the container is at rest.
+        standing: how the container stands on a tray; None: it is held.
     """
 
     model: Model
@@ -38,6 +40,7 @@ class HeldContainer:
     fill_height: float = math.nan
     limit: float = math.nan
     fresh: bool = False
+    standing: Standing | None = None
 
     def changed(
         self,
@@ -47,6 +50,7 @@ class HeldContainer:
         model: Model | None = None,
         fill_height: float = math.nan,
         limit: float = math.nan,
+        standing: Sequence[float] = (),
     ) -> HeldContainer:
         """Returns what the gripper holds after a requested change.
 
@@ -56,13 +60,16 @@ class HeldContainer:
             model: of that container; None: it stays.
             fill_height: [m]; NaN or 0: that of the model.
             limit: [m]; NaN or 0: that of each node.
+            standing: numbers of `Standing`, or zeros for a container that is held; empty: as
+                before, unless another container takes the place of one that stood loosely.
 
         Raises:
-            SloshEstimatorError: these contradict each other, or say nothing.
-            SloshModelError: the container cannot be filled so.
+            SloshEstimatorError: these contradict each other, or say nothing; another container
+                without its standing.
+            SloshModelError: the container cannot be filled so, or cannot stand so.
         """
         fill, limit = (math.nan if value == 0.0 else value for value in (fill_height, limit))
-        given = bool(name) or model is not None or not math.isnan(fill)
+        given = bool(name) or model is not None or not math.isnan(fill) or len(standing) > 0
         if empty and given:
             raise SloshEstimatorError("empty with a container: give one of the two")
         if empty:
@@ -74,11 +81,31 @@ class HeldContainer:
         held = self.model if model is None else model
         if not math.isnan(fill):
             held = held.filled_to(fill)
-        other = (name or model is not None) and name != self.name
+        other = bool(name or model is not None) and name != self.name
         return HeldContainer(
             held, name if model is not None else self.name, False, held.container.fill_height,
-            limit, fresh=self.empty or bool(other),
+            limit, fresh=self.empty or other,
+            standing=self._stands(standing, other=other or (model is not None and not name)),
         )  # fmt: skip
+
+    def _stands(self, given: Sequence[float], *, other: bool) -> Standing | None:
+        """Returns how the container stands after a change.
+
+        Mass, base and friction of another container do not follow from its model, which tells the
+        inside alone; those of the container before would foretell a wrong fall.
+        """
+        if len(given):
+            if len(given) != len(BOUNDS):
+                raise SloshEstimatorError(
+                    f"standing = {list(given)!r:.60} must be {', '.join(BOUNDS)}, or empty"
+                )
+            return Standing(*map(float, given)) if any(given) else None
+        if other and self.standing is not None:
+            raise SloshEstimatorError(
+                "standing is missing: another container comes to a place where the last one stood "
+                f"loosely: give its {', '.join(BOUNDS)}, or four zeros where it is held"
+            )
+        return self.standing
 
     @property
     def recorded(self) -> dict[str, Any]:
@@ -96,7 +123,7 @@ class HeldContainer:
 
 
 def tray_holding(tray: Tray, index: int, held: HeldContainer, limit: float = math.nan) -> Tray:
-    """Returns the tray after a change of what one of its places holds.
+    """Returns a copy of the tray in which one place holds another container, or none.
 
     Args:
         tray: before.
@@ -107,12 +134,13 @@ def tray_holding(tray: Tray, index: int, held: HeldContainer, limit: float = mat
     own = limit if math.isnan(held.limit) else held.limit
     before = tray.containers[index]
     return tray.with_container(
-        index, replace(before, model=held.model, limit=own, empty=held.empty)
+        index,
+        replace(before, model=held.model, limit=own, empty=held.empty, standing=held.standing),
     )
 
 
 def changed_place(parameters: Mapping[str, Any]) -> str:
-    """Returns the tray place that an estimator's recorded settings changed; empty means all."""
+    """Returns the tray place that recorded settings changed; empty if they set all places."""
     return str(parameters.get(TRAY_PLACE) or "")
 
 
@@ -133,5 +161,5 @@ def held_by(message: Any, start: Model) -> HeldContainer:
 
 
 def empty_and_fresh(parameters: Mapping[str, Any]) -> tuple[bool, bool]:
-    """Returns whether recorded settings say that the gripper is empty, and the liquid new."""
+    """Returns two booleans from recorded settings: gripper is empty, liquid was exchanged."""
     return parameters.get(EMPTY) is True, parameters.get(FRESH) is True

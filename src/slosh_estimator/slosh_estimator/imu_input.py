@@ -98,7 +98,7 @@ class ImuInput(CheckedInput):
 
     @property
     def memory(self) -> list[float]:
-        """Returns the reader's state as numbers, except the stamp of the last sample."""
+        """Returns the input reader's state as numbers, without the last sample's stamp."""
         mean = math.nan if self._mean_force is None else self._mean_force
         own = [*self.gate.last, *self._slow_rate, self._last_yaw_rate, self._yaw, mean]
         return [*own, *self.sampling.memory, *self.checked_memory(self._stamp_ns)]

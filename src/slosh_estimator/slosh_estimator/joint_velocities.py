@@ -15,7 +15,7 @@ from slosh_estimator.tuning import TUNING
 
 
 class JointVelocities:
-    """Compares joint velocities with positions over intervals of TUNING.stretch_ns."""
+    """Compares joint velocities with position changes over intervals of TUNING.stretch_ns."""
 
     def __init__(self) -> None:
         self._start: tuple[int, Sequence[float]] | None = None

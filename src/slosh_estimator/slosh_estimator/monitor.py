@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +76,10 @@ class Monitor:
 
     While the estimates say that the gripper is empty nothing is watched, and nothing is missed.
 
+    Args:
+        settings: limits and timeouts.
+        number: gives each limit violation its number; None: they are counted here.
+
     Attributes:
         tray: the limits of a tray's containers, of the first of which the estimates are; None:
             there is none.
@@ -86,8 +90,9 @@ class Monitor:
         standstill: that the clock does not move, as the user of this object knows; empty: it does.
     """
 
-    def __init__(self, settings: MonitorSettings) -> None:
+    def __init__(self, settings: MonitorSettings, number: Callable[[], int] | None = None) -> None:
         self.settings = settings
+        self._number = number or self.next_excess
         self.linear = RunningAccuracy()
         self.nonlinear = RunningAccuracy()
         self.motions = MotionWatch(settings.disagreement_limit)
@@ -149,7 +154,7 @@ class Monitor:
             stamp_ns: the last moment of the tray before, with the same places [ns].
         """
         if self.tray is None or self.tray.tray.names != tray.names:
-            self.tray = TrayWatch(tray, self.settings, self._next_excess)
+            self.tray = TrayWatch(tray, self.settings, self._number)
         else:
             self.tray.carry(tray, stamp_ns)
 
@@ -261,7 +266,7 @@ class Monitor:
         return comparisons
 
     def finish(self) -> list[Comparison]:
-        """At the end, returns comparisons without an estimate for measurements that wait."""
+        """Returns comparisons without estimate for measurements still waiting at the run's end."""
         found = []
         while self._waiting and self._stale(self._estimated_at, self._waiting[-1].arrival_ns):
             found.append(self._without_estimate(self._waiting[-1].arrival_ns))
@@ -297,7 +302,7 @@ class Monitor:
         return clocks_apart(self._measured_stamp, self._estimates[-1].stamp_ns) or blindness
 
     def condition(self, now_ns: int) -> Condition:
-        """Returns the state: limit violation first, then timeouts, then missing comparisons."""
+        """Returns the monitor's state: limit violation, timeout, nothing compared, or warning."""
         tray = self.tray
         if any(tracker.active for tracker in self._trackers.values()) or (tray and tray.active):
             return Condition.ERROR
@@ -318,7 +323,7 @@ class Monitor:
 
     @property
     def at_rim(self) -> str:
-        """Returns one line if the liquid is above the rim; empty if this is not known."""
+        """Returns a warning if the liquid is known to be above the rim, else an empty text."""
         above = [
             tracker.limit_text
             for tracker in self._trackers.values()
@@ -407,12 +412,13 @@ class Monitor:
         self._change_limit(source, stamp_ns)
         tracker = self._trackers[source]
         if not tracker.active and value > tracker.limit:
-            tracker.identifier = self._next_excess()
+            tracker.identifier = self._number()
         event = tracker.update(stamp_ns, value)
         if event is not None:
             self._events.append(event)
 
-    def _next_excess(self) -> int:
+    def next_excess(self) -> int:
+        """Returns the number of the next limit violation."""
         self._excesses += 1
         return self._excesses
 
@@ -428,7 +434,7 @@ class Monitor:
             self._events.append(event)
 
     def _bounded(self, point: MeasuredPoint) -> float:
-        """Returns the height to check against the limit, or NaN if it may be too low."""
+        """Returns the measured height [m] to check, or NaN for a lower bound below the limit."""
         self._change_limit(Source.MEASURED, point.stamp_ns)
         low = point.msh <= self._trackers[Source.MEASURED].release_level
         return NAN if point.flags & SATURATED and low else point.msh
@@ -465,7 +471,7 @@ class Monitor:
         return self._compare(point, None, now_ns, estimate_stale=True)
 
     def _interpolated(self, seen_ns: int) -> Expected | None:
-        """Interpolates the expected measurement at a stamp [ns], or None if out of range.
+        """Interpolates the predicted measurement at a stamp [ns]; None if out of range.
 
         Each estimate's reading comes late by its own delay, which a drifting clock lets grow.
         """
@@ -529,7 +535,7 @@ class Monitor:
         )
 
     def _judge(self, measured: MeasuredPoint, expected: Expected) -> None:
-        """Adds a pair of heights to the accuracy; a lower bound only if above the estimate."""
+        """Adds two heights to the accuracy; skips a measured lower bound below the estimate."""
         linear, nonlinear, _, wave = expected
         bound = bool(measured.flags & SATURATED)
         if not (bound and measured.msh <= nonlinear):

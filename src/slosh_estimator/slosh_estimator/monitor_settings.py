@@ -102,16 +102,16 @@ class MonitorSettings:
         }
 
     def at_rim(self, source: Source) -> bool:
-        """Returns whether the rim limits a quantity because it is below the given limit."""
+        """Returns whether a quantity is limited by the rim, below any set limit."""
         given = {Source.MEASURED: self.measured_limit, Source.ESTIMATED: self.estimated_limit}
         return source in given and bool(self.rim <= np.fmin(given[source], math.inf))
 
     def limit_name(self, source: Source) -> str:
-        """Returns the name of what limits a quantity: a limit, the rim or a distance to it."""
+        """Returns the name of what limits a quantity: a set limit, the rim or a rim distance."""
         return rim_name(self.rim_distance) if self.at_rim(source) else LIMIT
 
     def under_rim(self, model: Model) -> MonitorSettings:
-        """Returns the settings with the rim of a model's container.
+        """Returns the settings with the rim of a model's container as a limit of the heights.
 
         Raises:
             SloshModelError: a distance to the rim that its still liquid does not keep, or one to
@@ -121,7 +121,7 @@ class MonitorSettings:
         return replace(self, rim=math.nan if rim is None else rim)
 
     def near_rim(self, model: Model) -> tuple[float, str]:
-        """Returns the height [m] that the rim allows, and a complaint about the rim distance.
+        """Returns the height [m] that the rim allows, and why a rim distance cannot be kept.
 
         Where the distance to the rim cannot be kept, the complaint says why, and the rim itself
         holds. It is empty otherwise.

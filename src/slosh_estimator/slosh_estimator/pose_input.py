@@ -175,7 +175,7 @@ class PoseInput(CheckedInput):
 
     @property
     def memory(self) -> list[float]:
-        """Returns the reader's state as numbers, mainly the poses of the window."""
+        """Returns the input reader's internal state as numbers, mainly the window's poses."""
         first = max(self._at - 1 - self._count // 2, 0) if self._count else 0
         rows = self._poses.rows(first)
         checked = self.checked_memory(self._poses.newest_ns if len(self._poses) else 0)
@@ -220,7 +220,7 @@ class PoseInput(CheckedInput):
         return None
 
     def remark(self) -> str | None:
-        """Returns a remark about an assumption on the poses' frame; None if none is made."""
+        """Returns a remark about an assumed coordinate frame; None if no frame is assumed."""
         if (
             self._frame is not None
             and self._other_frame is not None
@@ -233,16 +233,17 @@ class PoseInput(CheckedInput):
         return None
 
     def refusal(self) -> str | None:
-        """Returns why poses were dropped because of their frame; None if none were."""
+        """Returns why poses in a wrong coordinate frame were dropped; None if none were."""
         if not self.gate.counts[SampleVerdict.WRONG_FRAME]:
             return None
         return (
             f"poses in the frame {self._other_frame!r} are dropped: publish them in "
-            f"{self._frame!r}, or set world_frame to their frame if its z axis points up"
+            f"{self._frame!r}, publish the transforms (/tf) that connect the two frames, or set "
+            "world_frame to their frame if its z axis points up"
         )
 
     def _strange(self, frame: str) -> bool:
-        """Returns whether a pose is dropped because of its frame."""
+        """Returns whether a pose is dropped because it is in a wrong coordinate frame."""
         if self._other_frame is None or frame:
             self._other_frame = frame
         if self._any_frame or not frame:
@@ -271,7 +272,7 @@ class PoseInput(CheckedInput):
         return PoseFilter.of(modes, self._seconds, self.ORDER)
 
     def _fixed_window(self) -> tuple[int, int] | None:
-        """Returns the fixed window of poses around the next centre, or None if incomplete."""
+        """Returns first and end index of the fixed-length window, or None if it is incomplete."""
         side = self._count // 2
         # One more than the window stays, for the memory.
         self._at -= self._poses.forget(self._at - 1 - side)
@@ -279,7 +280,7 @@ class PoseInput(CheckedInput):
         return window if window[1] <= len(self._poses) else None
 
     def _window(self) -> tuple[int, int] | None:
-        """Returns the window of poses around the next centre, or None if incomplete."""
+        """Returns first and end index of the next pose window, or None if it is incomplete."""
         self._choose()
         if not self._reach_ns:
             return None
@@ -303,7 +304,7 @@ class PoseInput(CheckedInput):
         return None
 
     def _choose(self) -> None:
-        """Selects the window for the current rate and modes."""
+        """Selects the window's length for the current rate of poses and the sloshing modes."""
         sampling = self.sampling
         if sampling.interval_ns == self._interval_ns and sampling.modes is self._modes:
             return
@@ -315,7 +316,7 @@ class PoseInput(CheckedInput):
         self._wait_ns = (2 * side - 1) * self._interval_ns // 2
 
     def _samples(self, first: int, end: int, *, doubtful: bool) -> list[Sample]:
-        """Returns the samples closest to the centre of a window."""
+        """Returns the input samples at, or next to, the centre pose of a window."""
         stamps, values = self._poses.stamps, self._poses.values
         centre_ns = int(stamps[self._at])
         tau = np.asarray((stamps[first:end] - centre_ns) * SECONDS_PER_NS, dtype=np.float64)

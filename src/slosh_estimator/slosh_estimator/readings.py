@@ -1,4 +1,4 @@
-"""Joins estimates with the sensor measurements that the model expects.
+"""Joins each estimate with the model's prediction of what the sensor will measure.
 
 A model with effects on the measurement answers twice: with the liquid's heights, by which limits
 are watched, and with what the camera should read of them, by which the two are compared. They come
@@ -20,7 +20,7 @@ PATIENCE = 100
 
 
 class Reading(NamedTuple):
-    """Expected measurement: stamp [ns], heights of linear and nonlinear model [m], delay [ns]."""
+    """Predicted sensor measurement: stamp [ns], linear and nonlinear height [m], delay [ns]."""
 
     stamp_ns: int
     linear: float
@@ -36,7 +36,7 @@ def has_readings(model_name: str) -> bool:
 
 
 class ReadingJoiner:
-    """Joins estimates with expected measurements; returns complete pairs in order.
+    """Joins estimates with predicted sensor measurements; returns complete pairs in order.
 
     Attributes:
         lost: estimates whose readings did not come: nothing can be compared with them.
@@ -48,7 +48,7 @@ class ReadingJoiner:
         self._readings: deque[Reading] = deque(maxlen=PATIENCE)
 
     def add_estimate(self, point: EstimatePoint, model_name: str) -> list[EstimatePoint]:
-        """Adds an estimate; returns the estimates that are now complete."""
+        """Adds an estimate; returns those whose predicted measurement has arrived, in order."""
         awaits = has_readings(model_name)
         if not awaits and not self._waiting:
             return [point]
@@ -56,7 +56,7 @@ class ReadingJoiner:
         return self._complete()
 
     def add_reading(self, reading: Reading) -> list[EstimatePoint]:
-        """Adds a predicted sensor reading; returns the estimates that have theirs."""
+        """Adds a predicted measurement; returns the estimates for which one has arrived."""
         self._readings.append(reading)
         return self._complete()
 
@@ -74,7 +74,7 @@ class ReadingJoiner:
         return found
 
     def _read(self, point: EstimatePoint) -> EstimatePoint | None:
-        """Returns the estimate with its measurement, or None if it may still arrive."""
+        """Returns an estimate with its predicted measurement, or None if that may still arrive."""
         readings = self._readings
         for reading in readings:
             if reading.stamp_ns == point.stamp_ns:

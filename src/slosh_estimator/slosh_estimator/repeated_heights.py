@@ -16,7 +16,7 @@ from slosh_estimator.tuning import TUNING
 
 
 class RepeatedHeights:
-    """Compares consecutive measured heights with expected ones to detect repeated images."""
+    """Compares successive measured heights with modelled ones to detect repeated images."""
 
     def __init__(self) -> None:
         self._seen: deque[tuple[int, complex, complex, float]] = deque()

@@ -220,7 +220,7 @@ def _whole(urdf: str) -> str:
 
 
 def _mimics(urdf: str) -> dict[str, Mimic]:
-    """Returns for each joint that follows another one how it does so."""
+    """Returns multiplier and offset of each joint that follows another joint, by name."""
     found = {}
     for joint in ElementTree.fromstring(urdf).iter("joint"):
         mimic = joint.find("mimic")

@@ -155,7 +155,7 @@ class Sampling:
         return [float(self.interval_ns), float(self._gapped), *map(float, self._block), *unused]
 
     def take_up(self, memory: Sequence[float]) -> None:
-        """Restores a state; recordings of older versions have none."""
+        """Restores a saved state of the rate measurement; old recordings contain none."""
         self.interval_ns = round(memory[0]) if memory else 0
         self._gapped = bool(memory) and memory[1] != 0.0
         self._block = [round(interval) for interval in memory[2:] if interval > 0.0]
@@ -218,7 +218,7 @@ class Sampling:
 
 
 def gap_sentence(gate: SampleGate, used: int, restarts: int) -> str:
-    """Reports that samples are too far apart to be connected; empty if they are not.
+    """Returns a line if most samples are farther apart than max_gap, else an empty text.
 
     Args:
         gate: that judged them.

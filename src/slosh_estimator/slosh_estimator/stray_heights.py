@@ -16,7 +16,7 @@ from slosh_estimator.tuning import TUNING
 
 
 class StrayHeights:
-    """Detects outliers in measured heights, given the expected ones in order."""
+    """Detects outliers among measured heights by comparison with the modelled heights."""
 
     def __init__(self) -> None:
         self._kept: deque[tuple[int, float]] = deque(maxlen=TUNING.stray_kept)

@@ -18,27 +18,43 @@ _MSH, _AZIMUTH = 0, 1
 
 
 class TrayEstimate(NamedTuple):
-    """Estimates of all containers of a tray for one sample, by the nonlinear model.
+    """Estimates of all containers of a tray for one sample.
 
     Attributes:
-        msh, azimuth: of each [m, rad].
+        msh, azimuth: of each, by the nonlinear model [m, rad].
         flags: of each, bits of EstimateFlag.
         worst: which is nearest to its limit.
+        each: all that is estimated of each container.
+        delays: of each, how late a camera's measurement is [s].
     """
 
     msh: list[float]
     azimuth: list[float]
     flags: list[int]
     worst: int
+    each: list[Estimate]
+    delays: list[float]
 
 
 class TrayEstimates(NamedTuple):
-    """Estimates of K containers for N samples, and the worst container of each sample."""
+    """Estimates of K containers for N samples.
+
+    Attributes:
+        msh, azimuth: (N, K) by the nonlinear model [m, rad].
+        flags: (N, K) bits of EstimateFlag.
+        worst: (N,) which container is nearest to its limit.
+        linear_msh: (N, K) by the linear model [m].
+        readings: (N, K, 2) what a camera reads of the heights of L and of NL [m].
+        delays: (N, K) by how much a camera's measurement is late [ns].
+    """
 
     msh: Array
     azimuth: Array
     flags: Integers
     worst: NDArray[np.int64]
+    linear_msh: Array
+    readings: Array
+    delays: Integers
 
 
 class TrayEstimator:
@@ -105,6 +121,8 @@ class TrayEstimator:
             [one.nonlinear.azimuth for one in estimates],
             [one.flags for one in estimates],
             shares.index(max(shares)),
+            estimates,
+            [0.0, *(other.reading_delay(sample.stamp_ns) for other in self.others)],
         )
 
     def update_many(self, samples: Samples, first: Estimates) -> TrayEstimates:
@@ -112,9 +130,15 @@ class TrayEstimator:
         estimates = [first, *(other.update_many(samples) for other in self.others)]
         heights = np.stack([one.heights[:, 1] for one in estimates], axis=1)
         shares = np.nan_to_num(heights[:, :, _MSH] / self.tray.bounds, nan=-1.0)
+        late = [other.reading_delays(samples.stamps) for other in self.others]
         return TrayEstimates(
             heights[:, :, _MSH],
             heights[:, :, _AZIMUTH],
             np.stack([one.flags for one in estimates], axis=1),
             np.argmax(shares, axis=1),
+            np.stack([one.heights[:, 0, _MSH] for one in estimates], axis=1),
+            np.stack([one.as_read for one in estimates], axis=1),
+            np.rint(np.stack([np.zeros(len(samples.stamps)), *late], axis=1) * 1e9).astype(
+                np.int64
+            ),
         )

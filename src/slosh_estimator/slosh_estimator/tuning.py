@@ -181,6 +181,8 @@ class EstimatorTuning:
     surely_calm: float = number(
         3.1, "σ", "deviation with which a wave must be below the tolerance"
     )
+    calm_frequency: float = number(0.02, "1", "error of the model's frequency that calm allows")
+    calm_damping: float = number(2.0, "1", "factor by which the model's damping may be wrong")
     calm_again: float = number(1.2, "1", "bound over the tolerance at which calm ends")
     calm_ns: int = number(SECOND // 20, "ns", "time between two messages about calm")
     calm_silence: float = number(0.1, "s", "time without an input after which it is stale")
@@ -188,10 +190,17 @@ class EstimatorTuning:
         SECOND, "ns", "time after the start in which measurements may come"
     )
     calm_after_ns: int = number(SECOND // 5, "ns", "time after a motion that still belongs to it")
+    # observer/shown_wave.py
+    shown_ns: int = number(SECOND, "ns", "time over which heights at one place show a wave")
+    shown_least: int = number(20, "1", "fewest such heights")
     # sensed/force_surface.py
     force_block_ns: int = number(SECOND // 25, "ns", "time over which a force is averaged")
     force_zero_ns: int = number(3 * SECOND, "ns", "time over which a force's zero is averaged")
     force_zero_first_ns: int = number(SECOND, "ns", "the same at first")
+    load_memory: float = number(0.98, "1", "part of the load's sums that is kept at each block")
+    load_least: int = number(10, "1", "fewest blocks in motion that show the load")
+    load_wrong: float = number(2.0, "1", "ratio to the identified mass at which a force is wrong")
+    load_unit: float = number(1.5, "1", "ratio to another unit's that is still that unit")
     force_moves: float = number(0.1, "m/s²", "acceleration of a moving container")
 
 

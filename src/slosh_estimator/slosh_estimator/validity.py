@@ -43,7 +43,7 @@ def validity_limits(model: Model) -> dict[str, float]:
 
 
 def attitude_warning(model: Model, kind: str) -> str:
-    """Returns one line on effects that an input cannot drive; empty if it drives all.
+    """Warns of modelled effects that need an attitude the input lacks; empty if none do.
 
     Args:
         model: the model.

@@ -106,7 +106,7 @@ class VelocityInput(PoseInput):
 
     @property
     def memory(self) -> list[float]:
-        """Returns the reader's state as numbers, except the stamp of the last sample."""
+        """Returns the input reader's state as numbers, without the last sample's stamp."""
         return [self._yaw, self._rate, *self._place, *self._velocity, *super().memory]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
@@ -146,5 +146,5 @@ class VelocityInput(PoseInput):
         return self._place
 
     def _jumped(self, stamp_ns: int, position: Vector) -> bool:
-        """Returns False; a jump of velocity is an acceleration, which the estimate shows."""
+        """Returns False: a jump of the velocity is no fault but a strong acceleration."""
         return False

@@ -110,7 +110,7 @@ class PresenceWatch:
 
 
 def in_view(expected: Waves, axis: Array) -> Waves:
-    """Projects expected waves to the direction that the camera can see.
+    """Projects modelled waves on the horizontal direction that the camera can see.
 
     Args:
         expected: (N,) vectors of the waves [m].

@@ -16,6 +16,7 @@ from slosh_estimator.nodes.estimator_node import EstimatorNode
 from slosh_estimator.nodes.monitor_node import MonitorNode
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.model_text import parse_model
+from slosh_model.standing import Standing
 from slosh_model.tray import parse_tray
 from slosh_msgs.msg import ContainerChange, NodeSettings, SloshEstimate, TrayEstimate
 from slosh_msgs.srv import ChangeContainer, LoadModel
@@ -166,6 +167,8 @@ def test_changes_come_in_the_order_of_their_stamps(line: Line) -> None:
 TRAY = f"""containers:
 - {{name: left, place: [0.0, 0.1, 0.0], limit: 0.02, model: {{{CUP[:-1]}}}}}
 - {{name: right, place: [0.0, -0.1, 0.0], model: {{{CUP[:-1]}}}}}
+- {{name: loose, model: {{{CUP[:-1]}}},
+  standing: {{mass: 0.2, centre_height: 0.06, base_radius: 0.035, friction: 0.3}}}}
 """
 
 
@@ -190,13 +193,14 @@ def test_one_container_of_a_tray_changes_and_the_other_goes_on(tray: Line) -> No
     flags = {to_nanoseconds(one.header.stamp): one.flags.tolist() for one in told}
     settling = {k: [bool(f & EstimateFlag.SETTLING) for f in both] for k, both in flags.items()}
     changed_ns = tray.begin + 80 * MS
-    assert all(both == [False, k > changed_ns] for k, both in settling.items())
+    assert all(both == [False, k > changed_ns, False] for k, both in settling.items())
     assert max(settling) > changed_ns
     tray.until(lambda: bool(tray.changes[-1].tray))
     change = tray.changes[-1]
     assert to_nanoseconds(change.header.stamp) == changed_ns
     assert (change.present, math.isnan(change.limit)) == (True, True)
-    left, right = parse_tray(change.tray).containers
+    assert change.tray_place == "right"
+    left, right, _ = parse_tray(change.tray).containers
     assert parse_model(change.model) == left.model
     assert (left.limit, right.limit) == (0.02, 0.01)
     assert right.model.container.fill_height == 0.04
@@ -223,7 +227,7 @@ def test_an_emptied_place_has_no_height_and_the_others_are_estimated(tray: Line)
 @pytest.mark.parametrize(
     ("fields", "why"),
     [
-        ({"fill_height": 0.05}, "tray_place = '' is no place of the tray (left, right)"),
+        ({"fill_height": 0.05}, "tray_place = '' is no place of the tray (left, right, loose)"),
         ({"tray_place": "top", "fill_height": 0.05}, "tray_place = 'top' is no place"),
         ({"tray_place": "left"}, "nothing to change"),
     ],
@@ -232,6 +236,23 @@ def test_a_place_must_be_named(tray: Line, fields: dict[str, Any], why: str) -> 
     answer = tray.change(**fields)
     assert not answer.success
     assert why in answer.message
+
+
+def test_a_loose_place_gets_another_container_with_its_standing_alone(tray: Line) -> None:
+    """Until it is told, the tray does not foretell the fall of the new one by the last one."""
+    tray.move(1, 5)
+    answer = tray.change(tray_place="loose", name="mug")
+    assert not answer.success
+    assert "standing is missing" in answer.message
+    own = [0.1, 0.05, 0.03, 0.25]
+    assert tray.change(tray_place="loose", name="mug", standing=own).success
+    tray.until(lambda: tray.changes[-1].tray_place == "loose")
+    assert parse_tray(tray.changes[-1].tray).containers[2].standing == Standing(*own)
+    assert tray.change(tray_place="loose", name="mug", fill_height=0.04).success
+    tray.until(
+        lambda: parse_tray(tray.changes[-1].tray).containers[2].model.container.fill_height < 0.05
+    )
+    assert parse_tray(tray.changes[-1].tray).containers[2].standing == Standing(*own)
 
 
 def test_what_has_no_tray_has_no_places(line: Line) -> None:

@@ -2,20 +2,22 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slosh_estimator.observer.calm import CalmReason, CalmWatch
+from slosh_estimator.observer.calm import CalmWatch
 from slosh_estimator.observer.envelope_bounds import Envelope, EnvelopeBounds
 from slosh_estimator.observer.observer import Observer
 from slosh_estimator.sample import Sample
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
+from slosh_model.simulate import Inputs, simulate
 
 SECOND = 1_000_000_000
-ENVELOPE = Envelope(SECOND, 0.01, 0.001, 1e-5, 0.2, 0.5)
-SLOWEST = 0.2 * math.exp(-1.645 * 0.5)
+SLOWEST = 0.1
+ENVELOPE = Envelope(SECOND, 0.01, 0.001, 1e-5, 0.012, 0.001, SLOWEST)
 REST = {"resting": True, "corrected_ns": None, "contradicted": False}
 
 
@@ -31,6 +33,13 @@ def test_at_rest_they_decay_with_the_least_plausible_damping_whatever_the_filter
     assert found == pytest.approx(
         (0.011645 * math.exp(-10 * SLOWEST), 0.0131 * math.exp(-10 * SLOWEST))
     )
+
+
+def test_the_worst_model_bounds_what_the_filter_does_not_know():
+    unsure = ENVELOPE._replace(stddev=0.01)
+    found = EnvelopeBounds().update(unsure, **REST)
+    expected = [math.hypot(0.012 + error, error) for error in (1.645e-3, 3.1e-3)]
+    assert found == pytest.approx(tuple(expected))
 
 
 def test_motion_and_measurements_set_them_anew_and_contradiction_holds_them():
@@ -67,22 +76,24 @@ def test_at_rest_they_never_rise_but_by_vibration(heights):
         assert after <= max(before, height)
 
 
-def test_without_any_measurement_calm_is_told_after_a_bounded_time():
-    observer, watch = Observer(Model(Cylinder(0.05, 0.07), damping_ratio=0.05)), CalmWatch(1e-3)
-    calm_at, bound = None, 0.0
-    for k in range(1500):
-        t = 0.01 * k
-        push = 2.0 * math.sin(2.0 * math.pi * (t - 0.5)) if 0.5 < t < 1.5 else 0.0
-        state = observer.follow(
-            Sample(SECOND + k * SECOND // 100, push, 0.0, 0.0, restarted=k == 0)
-        )
-        calm = watch.update(state)
-        if t < 1.5:
-            assert calm.reason is not CalmReason.CALM or t < 0.6
-        if t > 1.75 and not bound:
-            bound = state.sure_bound
-        if calm.calm and t > 1.75 and calm_at is None:
-            calm_at = t
-    decay = state.decay * math.exp(-1.645 * 0.5)
-    assert bound > 2e-3
-    assert calm_at == pytest.approx(1.75 + math.log(bound / 1e-3) / decay, rel=0.1)
+@pytest.mark.parametrize("damping", [0.5, 2.0])
+@pytest.mark.parametrize("frequency", [0.98, 1.02])
+def test_without_measurements_calm_is_told_neither_early_nor_needlessly_late(frequency, damping):
+    cup = Model(Cylinder(0.05, 0.07), damping_ratio=0.04)
+    truth = cup.with_effect("frequency_mismatch", factor=frequency)
+    truth = truth.with_effect("damping_mismatch", factor=damping)
+    t = np.arange(0.0, 15.0, 0.005)
+    push = np.where((t > 0.5) & (t < 1.4), 2.0 * np.sin(2.0 * np.pi * (t - 0.5) / 0.9), 0.0)
+    acceleration = np.column_stack([push, 0.0 * t, 0.0 * t])
+    height = simulate(truth.nonlinear(), Inputs(t, acceleration))[0].msh
+    needed = t[np.flatnonzero(height > 1e-3)[-1]]
+    observer, watch, calm_at = Observer(cup), CalmWatch(1e-3), None
+    for k, moment in enumerate(t):
+        stamp_ns = SECOND + round(1e9 * moment)
+        state = observer.follow(Sample(stamp_ns, float(push[k]), 0.0, 0.0, restarted=k == 0))
+        if state is not None and watch.update(state).calm and moment > 1.4:
+            calm_at = moment
+            break
+    assert calm_at > needed
+    if damping == 0.5:  # the slowest liquid that calm allows for
+        assert calm_at < 1.4 + 1.5 * (needed - 1.4)

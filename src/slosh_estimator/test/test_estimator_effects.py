@@ -21,8 +21,9 @@ from slosh_model.effects.registry import EFFECTS
 from slosh_model.measure import measured_heights
 from slosh_model.model import Model
 from slosh_model.pose import pose_rows
+from slosh_model.response import Response
 from slosh_model.shapes.cylinder import Cylinder
-from slosh_model.simulate import Inputs, Response, simulate
+from slosh_model.simulate import Inputs, simulate
 
 MS = 1_000_000
 Array = NDArray[np.float64]

@@ -105,6 +105,25 @@ def test_other_units_are_read(run):
     assert [w.height for w in one] == pytest.approx([w.height for w in two], abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("factor", "says"),
+    [
+        (1.0, ""),
+        (-1.0, "its sign is reversed"),
+        (1.0 / 9.80665, "it seems to be in kgf"),
+        (1e3, "it seems to be in mN"),
+        (0.01, "axes, unit or payload are others"),
+    ],
+)
+def test_a_force_that_is_not_the_payload_s_is_named_and_tells_no_wave(run, factor, says):
+    t, acceleration, seen, response = run
+    surface = ForceSurface(CUP, parse_payload(document(), "it"))
+    waves = followed(surface, (t, acceleration, factor * seen, response))
+    assert says in surface.wrong
+    assert bool(surface.wrong) == bool(says)
+    assert (1e-9 * (waves[-1].stamp_ns - START) > 7.0) == (not says)
+
+
 def test_nonsense_gaps_and_a_clock_that_is_set_back_are_survived(run):
     surface = ForceSurface(CUP, parse_payload(document(), "it"))
     assert surface.take_force(START, math.nan, 0.0, 0.0) == []

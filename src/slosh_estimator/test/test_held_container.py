@@ -8,7 +8,7 @@ import pytest
 from slosh_estimator.comparison import Condition, EstimatePoint, Expected, MeasuredPoint
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.estimator import Estimator
-from slosh_estimator.held_container import HeldContainer
+from slosh_estimator.held_container import HeldContainer, tray_holding
 from slosh_estimator.level_watch import LevelWatch
 from slosh_estimator.limits import Kind
 from slosh_estimator.monitor import Monitor
@@ -17,6 +17,8 @@ from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.errors import SloshModelError
 from slosh_model.model_text import parse_model
+from slosh_model.standing import Standing
+from slosh_model.tray import Tray, TrayContainer
 
 MS = 1_000_000
 CUP = parse_model(
@@ -43,6 +45,53 @@ def test_another_container_and_one_that_comes_back_bring_other_liquid():
     assert not empty.fresh
     again = empty.changed(fill_height=0.05)
     assert (again.empty, again.fresh, again.name) == (False, True, "cup")
+
+
+STANDING = (0.2, 0.06, 0.035, 0.3)
+LOOSE = HeldContainer(CUP, "cup", standing=Standing(*STANDING))
+
+
+@pytest.mark.parametrize(
+    ("changed", "given", "stands"),
+    [
+        ({"fill_height": 0.05}, (), STANDING),
+        ({"name": "cup", "model": CUP}, (), STANDING),
+        ({"empty": True}, (), STANDING),
+        ({"name": "mug", "model": MUG}, (0.1, 0.05, 0.03, 0.2), (0.1, 0.05, 0.03, 0.2)),
+        ({"name": "mug", "model": MUG}, (0.0,) * 4, None),
+        ({}, (0.3, 0.06, 0.035, 0.3), (0.3, 0.06, 0.035, 0.3)),
+    ],
+)
+def test_a_container_stands_as_it_did_or_as_it_is_told(changed, given, stands):
+    held = LOOSE.changed(**changed, standing=given)
+    assert held.standing == (stands and Standing(*stands))
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"name": "mug", "model": MUG}, "standing is missing: another container"),
+        ({"model": MUG}, "standing is missing"),
+        ({"fill_height": 0.05, "standing": (0.2, 0.06)}, "must be mass, centre_height"),
+        ({"fill_height": 0.05, "standing": (0.2, 0.06, math.nan, 0.3)}, "base_radius"),
+        ({"fill_height": 0.05, "standing": (-0.2, 0.06, 0.03, 0.3)}, "standing.mass"),
+        ({"empty": True, "standing": STANDING}, "empty with a container"),
+    ],
+)
+def test_another_container_does_not_stand_as_the_one_before(changed, message):
+    """Mass, base and friction of the last container would foretell a wrong fall."""
+    with pytest.raises((SloshEstimatorError, SloshModelError), match=message) as caught:
+        LOOSE.changed(**changed)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_tray_takes_the_standing_of_what_it_holds():
+    tray = Tray((TrayContainer("left", CUP, standing=LOOSE.standing),))
+    mug = LOOSE.changed(name="mug", model=MUG, standing=(0.1, 0.05, 0.03, 0.2))
+    (held,) = tray_holding(tray, 0, mug).containers
+    assert held.standing == Standing(0.1, 0.05, 0.03, 0.2)
+    (gone,) = tray_holding(tray, 0, LOOSE.changed(empty=True)).containers
+    assert gone.standing == LOOSE.standing  # the same container may come back
 
 
 def test_a_measured_frequency_follows_the_fill():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from slosh_estimator.observer import observer as observer_module
+from slosh_estimator.observer.calm import CalmWatch
 from slosh_estimator.observer.observer import Observer
 from slosh_estimator.observer.states import Outcome, WallHeights
 from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
@@ -262,3 +263,16 @@ def test_what_is_no_height_gives_no_points():
     assert alone.shape == (1, 3)
     assert math.isnan(alone[0, 0])
     assert alone[0, 2] == 5e-4
+
+
+@pytest.mark.parametrize("moves", [True, False])
+def test_calm_is_told_after_time_was_set_back(moves):
+    observer, watch = Observer(Model(Cylinder(0.05, 0.07), damping_ratio=0.05)), CalmWatch(1e-3)
+    calm = None
+    for begin, count in ((1000, 400), (500, 3000)):
+        for k in range(count):
+            push = 3.0 * math.sin(math.tau * k / 200) if moves and begin == 1000 else 0.0
+            stamp_ns = begin * 1_000_000_000 + k * 5_000_000
+            state = observer.follow(Sample(stamp_ns, push, 0.0, 0.0, restarted=calm is None))
+            calm = watch.update(state) if state is not None else calm
+    assert calm.calm, calm

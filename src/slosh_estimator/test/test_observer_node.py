@@ -131,3 +131,40 @@ def test_a_silent_input_is_not_calm_and_a_wait_ends(cell):
     cell.got(waiting.cancel_goal_async())
     assert cell.got(waiting.get_result_async()).result.message == "cancelled"
     client.destroy()
+
+
+@pytest.mark.parametrize(
+    ("asked", "says"),
+    [
+        ({"tolerance": 1.0}, "is it in mm?"),
+        ({"tolerance": -1e-3}, "tolerance = -0.001 m must be"),
+        ({"tolerance": math.nan}, "tolerance = nan m must be"),
+        ({"timeout": -1.0}, "timeout = -1 s must not be negative"),
+        ({"timeout": math.nan}, "timeout = nan s"),
+    ],
+)
+def test_a_goal_that_cannot_be_is_refused_in_one_line(cell, asked, says):
+    client = ActionClient(cell.node, WaitUntilCalm, topics.WAIT_UNTIL_CALM)
+    cell.until(client.server_is_ready)
+    goal = cell.got(client.send_goal_async(WaitUntilCalm.Goal(**asked)))
+    answer = cell.got(goal.get_result_async())
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert says in answer.result.message
+    client.destroy()
+
+
+def test_a_wait_keeps_its_own_tolerance_over_a_silence_of_the_input(cell):
+    client = ActionClient(cell.node, WaitUntilCalm, topics.WAIT_UNTIL_CALM)
+    cell.until(client.server_is_ready)
+    cell.play(0, 200)
+    told = []
+    request = WaitUntilCalm.Goal(tolerance=1e-5)
+    goal = cell.got(client.send_goal_async(request, told.append))
+    outcome = goal.get_result_async()
+    cell.until(lambda: told and told[-1].feedback.state.reason == Calm.STALE, "silence")
+    cell.play(200, LENGTH)  # the wave decays to a tenth of a millimetre
+    assert cell.calm[-1].calm
+    assert {one.feedback.state.tolerance for one in told} == {1e-5}
+    assert not outcome.done()
+    cell.got(goal.cancel_goal_async())
+    client.destroy()

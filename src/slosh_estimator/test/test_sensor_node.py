@@ -16,6 +16,7 @@ from slosh_estimator.sensed.level import LevelPlace, wall_factor
 from slosh_model.model_text import parse_model
 from slosh_msgs.msg import FreeSurface, NodeSettings, SloshEstimate
 from slosh_msgs_py import qos, topics
+from slosh_msgs_py.node.diagnostics import ERROR, OK
 from slosh_msgs_py.stamps import to_time
 from slosh_testing.graph import Graph
 
@@ -135,3 +136,37 @@ def test_level_sensors_tell_the_wall_s_height_at_their_place(cell):
     points.publish(message)
     cell.until(lambda: cell.sensor._failure, "the failure")
     assert "mount it near the wall" in cell.sensor._failure
+
+
+@pytest.mark.parametrize(
+    "cell", [{"payload": '""', "level_distance": 0.1, "level_place": "[0.0, 0.03]"}], indirect=True
+)
+def test_a_level_in_millimetres_is_named_and_not_told(cell):
+    ranges = cell.publisher(Range, topics.LEVEL)
+    points = cell.publisher(PointStamped, topics.LEVEL_POINT)
+    ranges.publish(Range(range=95.0, min_range=20.0, max_range=1000.0))
+    cell.until(lambda: cell.sensor._failure, "the failure")
+    assert cell.sensor._health()[0] == ERROR
+    message = PointStamped()
+    message.point.x, message.point.z = 0.04, 5.0
+    points.publish(message)
+    cell.until(lambda: "5 m is not in the container" in cell.sensor._failure, "the failure")
+    assert "is the sensor's value in mm?" in cell.sensor._failure
+    assert not cell.surfaces
+    message.point.z = 0.005
+    points.publish(message)
+    cell.until(lambda: cell.surfaces, "a surface")
+    assert not cell.sensor._failure
+    assert cell.sensor._health()[0] == OK
+
+
+def test_forces_that_are_no_numbers_are_named(cell):
+    sensor = cell.publisher(WrenchStamped, topics.FORCE)
+    wrench = WrenchStamped()
+    wrench.wrench.force.x = math.nan
+    for _ in range(5):
+        sensor.publish(wrench)
+    cell.until(lambda: cell.sensor._report.counts["force"] >= 5, "the forces")
+    level, text = cell.sensor._health()
+    assert level == ERROR
+    assert "not finite, or not in order" in text

@@ -17,7 +17,7 @@ NAN = float("nan")
 
 
 def peak_error(measured: ArrayLike, model: ArrayLike) -> float:
-    """Returns ε, the relative error of the maximum (DL22, eq. (32)); positive if too high.
+    """Returns ε, the model's relative error of the maximum; positive if too high (DL22, eq. (32)).
 
     >>> round(peak_error(measured=[0.0, 0.010, 0.004], model=[0.0, 0.011, 0.005]), 3)
     0.1

@@ -14,9 +14,10 @@ from slosh_model.limits import ValidityLimits
 from slosh_model.liquid import Liquid
 from slosh_model.measure import measured_heights, predicted_heights
 from slosh_model.model import EffectUse, Model
+from slosh_model.response import Response
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.shapes.rectangle import Rectangle
-from slosh_model.simulate import Inputs, Response, Simulator, State, simulate
+from slosh_model.simulate import Inputs, Simulator, State, simulate
 
 if TYPE_CHECKING:
     from slosh_model.model_text import format_model, parse_model, read_model

@@ -62,7 +62,7 @@ def wall_heights(
     max_step: float = MAXIMUM_STEP,
     threads: int | None = None,
 ) -> list[Array]:
-    """Computes wall heights of many simulations with exactly the same results as `simulate`.
+    """Computes wall heights [m] of many simulations, with exactly the results of `simulate`.
 
     Fastest where many models have the same effects and the motions are about equally long.
 
@@ -178,7 +178,11 @@ def _blocks(simulations: _Simulations, size: int, max_step: float) -> Iterator[B
     Blocks of some size are filled up to whole vectors, which are faster, with the last one.
     """
     effects = {
-        id(one): (frozenset(use.name for use in one.effects), one.modes)
+        id(one): (
+            frozenset(use.name for use in one.effects),
+            one.mode_count,
+            one.container.one_directional,
+        )
         for one in simulations.models
     }
     paces = {id(one): _pace(one, max_step) for one in simulations.intervals}
@@ -208,7 +212,7 @@ def _rooms(shapes: Sequence[tuple[int, ...]]) -> list[Array]:
 def _run(
     simulations: _Simulations, block: Block, stores: Array, max_step: float, heights: Array
 ) -> None:
-    """Computes the heights of a block of simulations."""
+    """Computes the wall heights [m] of a block of simulations."""
     motions = [simulations.inputs[place] for place in block]
     intervals = [simulations.intervals[place] for place in block]
     if len(block) < FEWEST:

@@ -43,10 +43,21 @@ from slosh_model.indices import (
     X,
     Y,
 )
-from slosh_model.kernel import UPRIGHT, constants_of, lightness, pose_at, turned, unwrapped
+from slosh_model.kernel import (
+    UPRIGHT,
+    along_mode,
+    constants_of,
+    in_axes,
+    lightness,
+    pose_at,
+    turned,
+    unwrapped,
+)
 from slosh_model.lane_chains import all_lane_drives, all_lane_modulations, all_lane_terms
 from slosh_model.lane_rows import (
     ACCELERATION,
+    ALONG,
+    AXES,
     BEGIN,
     CONSTANTS,
     ELAPSED,
@@ -216,7 +227,7 @@ def _load_runs(lanes, w, stores, memory):  # type: ignore[no-untyped-def]
         w[at + TURN * LANES], w[YAW + k], w[ELAPSED + k] = run["turn"], run["yaw"], run["elapsed"]
         w[STATIC_HEIGHT + k] = run["static_height"]
         w[STATIC_HEIGHT + LANES + k] = run["static_height_y"]
-        w[LIFT + k] = run["lift"]
+        w[LIFT + k], w[AXES + k] = run["lift"], run["axes"]
         for place in range(DRIVE_MEMORY_COUNT):
             memory[k, place] = run["drive_memory"][place]
         for slot in range(PARAMETER_COUNT):
@@ -232,8 +243,35 @@ def _load_mode(lanes, w, stores, n):  # type: ignore[no-untyped-def]
         for row in range(len(constants)):
             w[CONSTANTS + row * LANES + k] = constants[row]
             w[MODE + row * LANES + k] = constants[row]
+        w[ALONG + k], w[ALONG + LANES + k] = mode["along_x"], mode["along_y"]
         w[STATE + X * LANES + k], w[STATE + Y * LANES + k] = mode["x"], mode["y"]
         w[STATE + VX * LANES + k], w[STATE + VY * LANES + k] = mode["vx"], mode["vy"]
+
+
+@compiled
+def _rotate_inputs(lanes, w):  # type: ignore[no-untyped-def]
+    """Rotates each lane's new inputs to the axes of its modes."""
+    at = NEW_INPUTS
+    for k in range(lanes):
+        if w[AXES + k] != 0.0:
+            given = (
+                w[at + AX * LANES + k], w[at + AY * LANES + k], w[at + AZ * LANES + k],
+                w[at + TURN * LANES + k],
+            )  # fmt: skip
+            found = in_axes(given, w[AXES + k])
+            w[at + AX * LANES + k], w[at + AY * LANES + k] = found[AX], found[AY]
+            w[at + TURN * LANES + k] = found[TURN]
+
+
+@compiled
+def _along_modes(lanes, w, at):  # type: ignore[no-untyped-def]
+    """Keeps of each lane's inputs at a place what drives a mode along its direction."""
+    if w[ALONG] == 0.0 and w[ALONG + LANES] == 0.0:  # lanes of a block are alike in this
+        return
+    for k in range(lanes):
+        given = (w[at + AX * LANES + k], w[at + AY * LANES + k], 0.0, 0.0)
+        found = along_mode(given, w[ALONG + k], w[ALONG + LANES + k])
+        w[at + AX * LANES + k], w[at + AY * LANES + k] = found[AX], found[AY]
 
 
 @compiled
@@ -249,11 +287,13 @@ def _save_mode(lanes, w, stores, n):  # type: ignore[no-untyped-def]
 def _advance_mode(lanes, w, count, modulated):  # type: ignore[no-untyped-def]
     """Integrates a mode from the old to the new inputs, and adds its wall heights."""
     _copy(lanes, w, OLD_INPUTS, LEFT_INPUTS, INPUT_COUNT)
+    _along_modes(lanes, w, LEFT_INPUTS)
     for part in range(count):
         for k in range(lanes):
             w[BEGIN + k] = w[ELAPSED + k] + w[INTERVAL + k] * (part / count)
             w[STEP + k] = w[INTERVAL + k] / count
         _blend(lanes, w, OLD_INPUTS, NEW_INPUTS, (part + 1) / count, RIGHT_INPUTS)
+        _along_modes(lanes, w, RIGHT_INPUTS)
         _step(lanes, w, modulated)
         _copy(lanes, w, RIGHT_INPUTS, LEFT_INPUTS, INPUT_COUNT)
     for k in range(lanes):
@@ -331,6 +371,7 @@ def advance_lanes(  # type: ignore[no-untyped-def]
                 if poses.shape[0] > 0:
                     _take_poses(lanes, w, input_rows, poses, first + j + 1)
                 all_lane_drives(lanes, w, memory)
+            _rotate_inputs(lanes, w)
             _advance_modes(lanes, w, stores, mode_count, counts[first + j], modulated)
             _add_static_heights(lanes, w)
             _finish_sample(lanes, w, answers, j)

@@ -1,4 +1,4 @@
-"""Combines the equations of all effects into compiled functions.
+"""Combines the equations of all modelled effects into compiled functions.
 
 Their source is generated, flat: a switch in the flat parameter array stands before each effect's
 parameters, and an effect that is off costs one comparison. So one compiled kernel serves every
@@ -43,7 +43,7 @@ def compile_generated(
 
 
 def own_memory(effect: Effect, hook: str, memory: Mapping[str, int], array: str) -> str:
-    """Returns source code for an effect's part of a state array; () if it has no state."""
+    """Returns source code for a modelled effect's part of a state array; () without state."""
     start, count = memory[effect.name], getattr(effect, f"{hook}_memory")
     return f"{array}{start}:{start + count}]" if count else "()"
 
@@ -83,7 +83,7 @@ def _modulations() -> list[str]:
 
 
 def _changes(hook: str, around: str, memory: Mapping[str, int]) -> list[str]:
-    """Generates the source of a function by which effects change a value one after another."""
+    """Generates a function by which modelled effects change a value one after another."""
     lines = [f"def all_{hook}s(dt, value, {around}, memory, p):"]
     for effect in BY_HOOK[hook]:
         own = own_memory(effect, hook, memory, "memory[")

@@ -25,6 +25,7 @@ from slosh_model.checks import within
 from slosh_model.constants import GRAVITY
 from slosh_model.errors import SloshModelError
 from slosh_model.limits import ValidityLimits
+from slosh_model.outline_wall import highest_of_many
 from slosh_model.wall import Wall
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ SECTIONS: Mapping[str, str] = MappingProxyType(
 """What each kind is, for people."""
 DIMENSIONS = (1e-4, 10.0)  # m; any other value is a unit mistaken for another
 X_AXIS, Y_AXIS = 0, 1
+_NO_CORNERS = np.empty((0, 2))
 
 _SHAPES: dict[str, type[Container]] = {}
 SHAPES: Mapping[str, type[Container]] = MappingProxyType(_SHAPES)
@@ -92,6 +94,7 @@ class Container(ABC):
         straight_alone: whether the surface of its linear model is straight with one mode only:
             with more of them it has their own shapes.
         validated: where its models were validated.
+        surface_known: whether `surface_shape` is a mode's own, not a straight line.
         most_modes: number of modes that its models may have.
     """
 
@@ -104,6 +107,7 @@ class Container(ABC):
     built_in: ClassVar[Mapping[str, Mapping[str, float]]]
     straight_alone: ClassVar[bool]
     validated: ClassVar[ValidityLimits]
+    surface_known: ClassVar[bool] = True
     most_modes: ClassVar[int] = MAXIMUM_MODE
 
     @staticmethod
@@ -203,6 +207,10 @@ class Container(ABC):
         slenderness = self.root(n) / self.reaches[axis]
         return -2.0 / slenderness * math.tanh(0.5 * slenderness * self.fill_height)
 
+    def height_distance(self, n: int, axis: int = X_AXIS) -> float:
+        """Returns the distance from the axis to the place of a mode's highest wall height [m]."""
+        return self.reaches[axis]
+
     def crest(self, n: int, axis: int = X_AXIS) -> tuple[float, float]:
         """Returns a mode's maximum height relative to that at the wall, and its position [m]."""
         return 1.0, self.reaches[axis]
@@ -212,9 +220,9 @@ class Container(ABC):
         """Volume of the liquid [m³], or NaN if unknown."""
         return math.nan
 
-    def surface_shape(self, n: int) -> tuple[Array, Array]:
-        """Returns positions along x from the axis to the wall [m], and a mode's heights there."""
-        places = np.linspace(0.0, self.reaches[X_AXIS], 41)
+    def surface_shape(self, n: int, axis: int = X_AXIS) -> tuple[Array, Array]:
+        """Returns positions along an axis up to the wall [m], and a mode's heights there."""
+        places = np.linspace(0.0, self.reaches[axis], 41)
         if self.cornered:
             shape = np.sin(self.root(n) * places / places[-1])
             return places, shape / shape[-1]
@@ -222,8 +230,12 @@ class Container(ABC):
 
     @property
     def silhouette(self) -> Array:
-        """Returns the right half of the wall's contour (N, 2) [m], z from the still surface."""
-        reach, rim = self.reaches[X_AXIS], self.rim_height or 1.3 * self.fill_height
+        """Returns `side_view` along x."""
+        return self.side_view(X_AXIS)
+
+    def side_view(self, axis: int = X_AXIS) -> Array:
+        """Returns half of the wall's contour (N, 2) along an axis [m], z from the still level."""
+        reach, rim = self.reaches[axis], self.rim_height or 1.3 * self.fill_height
         floor = -self.fill_height
         return np.array([[0.0, floor], [reach, floor], [reach, rim - self.fill_height]])
 
@@ -235,7 +247,7 @@ class Container(ABC):
         return Wall.vertical(radius, self.freeboard)
 
     def height_below_rim(self, distance: float = 0.0) -> float | None:
-        """Returns the wall height [m] that puts the crest a distance below the rim; or None.
+        """Returns the height at the wall [m] for a crest at a distance below the rim, or None.
 
         Args:
             distance: vertical [m]; 0: at the rim.
@@ -263,7 +275,7 @@ class Container(ABC):
 
     @property
     def linear_height(self) -> float:
-        """Wave height above which the linear model fails [m]; infinite with a nonlinear one."""
+        """Wave height [m] above which the linear model fails; infinite with a nonlinear model."""
         return math.inf
 
     @property
@@ -282,8 +294,38 @@ class Container(ABC):
 
     @property
     def cornered(self) -> bool:
-        """Whether the wave heights along x and y add up in a corner of the wall."""
+        """Whether the maximum height is the sum of the wave heights along x and y, in a corner."""
         return self.section == RECTANGULAR
+
+    @property
+    def follows_yaw(self) -> bool:
+        """Whether the liquid turns about the vertical as the container does."""
+        return self.section in (RECTANGULAR, PRISMATIC)
+
+    @property
+    def corners(self) -> Array:
+        """Corners (K, 2) of a wall over any outline, relative to the reaches along x and y.
+
+        None where it is round or a rectangle.
+        """
+        return _NO_CORNERS
+
+    @property
+    def one_directional(self) -> bool:
+        """Whether each mode moves along a direction of its own: two for each mode number."""
+        return False
+
+    def axes(self, masses: int) -> float:
+        """Returns the azimuth of a model's axes from the container's +x [rad].
+
+        Args:
+            masses: number of the model's sloshing masses.
+        """
+        return 0.0
+
+    def direction(self, n: int, axis: int = X_AXIS) -> float:
+        """Returns the azimuth of a mode's motion from the container's +x [rad]."""
+        return 0.5 * math.pi * axis
 
     def msh(self, sh_x: Array, sh_y: Array) -> Array:
         """Returns the maximum sloshing height over the wall [m] (DL22, Table 2).
@@ -291,6 +333,8 @@ class Container(ABC):
         Args:
             sh_x, sh_y: heights on the wall at +x and +y, of equal shapes [m].
         """
+        if len(self.corners):
+            return self._highest(sh_x, sh_y)[0]
         if self.cornered:
             return np.abs(sh_x) + np.abs(sh_y)
         return np.hypot(sh_x, sh_y)
@@ -300,10 +344,22 @@ class Container(ABC):
 
         In a rectangle that of its corner, or of a side's middle where all of it is as high.
         """
+        if len(self.corners):
+            return self._highest(sh_x, sh_y)[1]
         if self.cornered:
             reach_x, reach_y = self.reaches
             return np.arctan2(reach_y * np.sign(sh_y), reach_x * np.sign(sh_x))
         return np.arctan2(sh_y, sh_x)
+
+    def _highest(self, sh_x: Array, sh_y: Array) -> tuple[Array, Array]:
+        """Returns maximum heights [m] and azimuths [rad] on a wall with corners."""
+        heights = np.stack(np.broadcast_arrays(sh_x, sh_y), axis=-1).astype(np.float64)
+        found, azimuth = np.empty(heights[..., 0].size), np.empty(heights[..., 0].size)
+        highest_of_many(
+            self.corners, np.array(self.reaches), heights.reshape(-1, 2), found, azimuth
+        )
+        shape = heights.shape[:-1]
+        return found.reshape(shape), azimuth.reshape(shape)
 
     @property
     def freeboard(self) -> float | None:

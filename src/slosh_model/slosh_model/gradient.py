@@ -17,7 +17,8 @@ from slosh_model.errors import SloshModelError
 from slosh_model.gradient_kernel import pull_back
 from slosh_model.layout import divided
 from slosh_model.model import VERTICAL, Model
-from slosh_model.simulate import MAXIMUM_STEP, Inputs, Response, simulate, store_of
+from slosh_model.response import Response
+from slosh_model.simulate import MAXIMUM_STEP, Inputs, simulate, store_of
 
 CURVED = "surface_nonlinearity"
 COVERED = (VERTICAL, CURVED)
@@ -106,14 +107,25 @@ def pulled_back(
     steps = int(np.ceil(intervals[1:] / divided(store)[0][0]["max_step"]).sum())
     gradient = np.zeros((len(inputs.t), 3))
     alpha = model.acting[CURVED]["alpha"] if CURVED in model.acting else -1.0
-    weights = np.ascontiguousarray(weights, dtype=np.float64)
-    for array in (intervals, weights):
+    axes = divided(store)[0][0]["axes"]
+    weights = _turned(weights, -axes)
+    acceleration = _turned(inputs.acceleration, -axes)
+    for array in (intervals, weights, acceleration):
         array.setflags(write=False)
     pull_back(
-        store, intervals, inputs.acceleration, weights, float(VERTICAL in model.acting), alpha,
+        store, intervals, acceleration, weights, float(VERTICAL in model.acting), alpha,
         np.empty((max(steps, 1), 4)), gradient,
     )  # fmt: skip
-    return gradient
+    return _turned(gradient, axes)
+
+
+def _turned(vectors: Array, angle: float) -> Array:
+    """Returns a copy of vectors (N, 2 or 3) rotated about z by an angle [rad]."""
+    found = np.array(vectors, dtype=np.float64, order="C")
+    if angle != 0.0:
+        c, s = math.cos(angle), math.sin(angle)
+        found[:, :2] = found[:, :2] @ np.array([[c, s], [-s, c]])
+    return found
 
 
 def check_covered(model: Model) -> None:
@@ -122,6 +134,8 @@ def check_covered(model: Model) -> None:
     >>> from slosh_model import Model
     >>> check_covered(Model.from_cup(diameter=0.08, fill_height=0.06))
     """
+    if model.container.one_directional:
+        raise SloshModelError("no gradients in a container whose outline has no axis of symmetry")
     for hook in ("drive", "modulation", "term"):
         for effect, _ in model.uses(hook):
             if effect.name not in COVERED and not effect.needs_rotation:
@@ -134,6 +148,9 @@ def check_covered(model: Model) -> None:
 def _by_heights(response: Response) -> Array:
     """Returns the derivative (N, 2) of the maximum height with respect to heights at +x and +y."""
     heights = np.column_stack([response.sh_x, response.sh_y])
+    if response.container is not None and len(response.container.corners):
+        corners = response.container.corners
+        return np.asarray(corners[np.argmax(heights @ corners.T, axis=1)])
     if response.container is not None and response.container.cornered:
         return np.sign(heights)
     size = response.msh[:, None]

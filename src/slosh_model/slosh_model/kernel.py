@@ -36,6 +36,7 @@ from slosh_model.indices import (
     Y,
 )
 from slosh_model.layout import records
+from slosh_model.outline_wall import azimuth_at_corners, highest_at_corners, place_at_corners
 from slosh_model.tank_wall import place_on_wall
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -59,6 +60,25 @@ def modal_acceleration(mode, elapsed, q, inputs, parameters):  # type: ignore[no
     myy += 1.0
     inverse = 1.0 / (mxx * myy - mxy * mxy)
     return inverse * (myy * fx - mxy * fy), inverse * (mxx * fy - mxy * fx)
+
+
+@compiled
+def in_axes(inputs, axes):  # type: ignore[no-untyped-def]
+    """Rotates the inputs from the container's axes to those of its modes, `axes` away [rad]."""
+    if axes == 0.0:
+        return inputs
+    ax, ay, az, turn = inputs
+    c, s = math.cos(axes), math.sin(axes)
+    return c * ax + s * ay, c * ay - s * ax, az, turn - axes
+
+
+@compiled
+def along_mode(inputs, x, y):  # type: ignore[no-untyped-def]
+    """Returns the part of the inputs that drives a mode along (x, y); (0, 0): all of them."""
+    if x == 0.0 and y == 0.0:
+        return inputs
+    share = x * inputs[AX] + y * inputs[AY]
+    return x * share, y * share, inputs[AZ], inputs[TURN]
 
 
 @compiled
@@ -125,17 +145,19 @@ def _settle(run, modes, pose):  # type: ignore[no-untyped-def]
     inputs = all_drives(
         SETTLING, (0.0, 0.0, 0.0, run["yaw"]), still, run["drive_memory"], parameters
     )
+    inputs = in_axes(inputs, run["axes"])
     _hold(run, inputs)
     if inputs[AX] == 0.0 and inputs[AY] == 0.0:
         return
     for n in range(modes.shape[0]):
         mode, constants = modes[n], constants_of(modes[n])
+        along = along_mode(inputs, mode["along_x"], mode["along_y"])
         x, y = 0.0, 0.0
         stiffness_x = constants[FREQUENCY] * constants[FREQUENCY]
         stiffness_y = stiffness_x * constants[FREQUENCY_RATIO] * constants[FREQUENCY_RATIO]
         for _ in range(_SETTLING_TURNS):
             q = (x, y, 0.0, 0.0)
-            ax, ay = modal_acceleration(constants, run["elapsed"], q, inputs, parameters)
+            ax, ay = modal_acceleration(constants, run["elapsed"], q, along, parameters)
             x += ax / stiffness_x
             y += ay / stiffness_y
         mode["x"], mode["y"] = x, y
@@ -184,6 +206,7 @@ def advance(run, modes, ax, ay, az, yaw, pose, dt):  # type: ignore[no-untyped-d
     parameters, elapsed = run["parameters"], run["elapsed"]
     old = (run["ax"], run["ay"], run["az"], run["turn"])
     new = all_drives(max(dt, 0.0), (ax, ay, az, yaw), pose, run["drive_memory"], parameters)
+    new = in_axes(new, run["axes"])
     _hold(run, new)
     run["elapsed"] = elapsed + dt
     count = math.ceil(dt / run["max_step"]) if dt > 0.0 else 0
@@ -191,9 +214,10 @@ def advance(run, modes, ax, ay, az, yaw, pose, dt):  # type: ignore[no-untyped-d
     for n in range(modes.shape[0]):
         mode, constants = modes[n], constants_of(modes[n])
         q = (mode["x"], mode["y"], mode["vx"], mode["vy"])
-        u0 = old
+        along_x, along_y = mode["along_x"], mode["along_y"]
+        u0 = along_mode(old, along_x, along_y)
         for i in range(count):
-            u1 = between(old, new, (i + 1) / count)
+            u1 = along_mode(between(old, new, (i + 1) / count), along_x, along_y)
             moment = elapsed + dt * (i / count)
             q = runge_kutta_step(constants, q, u0, u1, dt / count, moment, parameters)
             u0 = u1
@@ -275,16 +299,56 @@ def corner_azimuth(height_x, height_y, radius_x, radius_y):  # type: ignore[no-u
     return math.atan2(y, x)
 
 
+@compiled
+def highest_and_azimuth(run, first, height_x, height_y):  # type: ignore[no-untyped-def]
+    """Returns the maximum wall height [m] and its azimuth [rad] in a running model's container.
+
+    Args:
+        run, first: the model's records of `layout.RUN` and, of its first mode, `layout.MODE`.
+        height_x, height_y: wall heights at the container's +x and +y [m].
+    """
+    reach_x, reach_y = first["radius"], first["radius_y"]
+    if run["corner_count"] != 0.0:
+        corners, count = run["corners"], int(run["corner_count"])
+        return (
+            highest_at_corners(corners, count, height_x, height_y),
+            azimuth_at_corners(corners, count, height_x, height_y, reach_x, reach_y),
+        )
+    if run["cornered"] != 0.0:
+        return (
+            corner_height(height_x, height_y),
+            corner_azimuth(height_x, height_y, reach_x, reach_y),
+        )
+    return math.sqrt(height_x * height_x + height_y * height_y), math.atan2(height_y, height_x)
+
+
+@compiled
+def wall_place(azimuth, cornered, reaches, corners):  # type: ignore[no-untyped-def]
+    """Returns the relative position (c, s) on the wall in a direction from the axis [rad].
+
+    Args:
+        azimuth: the direction [rad].
+        cornered: whether the wall is a rectangle, where it has no corners of its own.
+        reaches: (2,) R along x and along y [m].
+        corners: (K, 2) of the wall over any outline; none: a rectangle or round.
+    """
+    if corners.shape[0] > 0:
+        return place_at_corners(azimuth, corners, corners.shape[0], reaches[0], reaches[1])
+    if cornered:
+        return place_on_wall(azimuth, reaches[0], reaches[1])
+    return math.cos(azimuth), math.sin(azimuth)
+
+
 @entry_point(
     void(
-        GIVEN_1, float64, GIVEN_2, float64, GIVEN_1, float64, boolean, GIVEN_1, CHANGED_1,
-        CHANGED_1,
+        GIVEN_1, float64, GIVEN_2, float64, GIVEN_1, float64, boolean, GIVEN_2, GIVEN_1,
+        CHANGED_1, CHANGED_1,
     )
 )  # fmt: skip
 def read_many(  # type: ignore[no-untyped-def]
-    t, started, heights, azimuth, reaches, fill, cornered, parameters, memory, read
+    t, started, heights, azimuth, reaches, fill, cornered, corners, parameters, memory, read
 ):
-    """Computes what the sensor measures at one azimuth, or as the maximum over the wall.
+    """Computes the heights [m] that a sensor measures at one azimuth, or as maximum over the wall.
 
     Args:
         t: (N,) [s].
@@ -294,17 +358,22 @@ def read_many(  # type: ignore[no-untyped-def]
         reaches: (2,) R along x and along y [m].
         fill: h [m].
         cornered: whether the wall is a rectangle, not a circle.
+        corners: (K, 2) of the wall over any outline; none: as `cornered` says.
         parameters: as in `advance`.
         memory: (READING_MEMORY_COUNT,) zeros at the start; changed.
         read: (N,) receives the heights [m].
     """
     radius, radius_y = reaches[0], reaches[1]
-    c, s = math.cos(azimuth), math.sin(azimuth)
-    if cornered:
-        c, s = place_on_wall(azimuth, radius, radius_y)
+    c, s = wall_place(azimuth, cornered, reaches, corners)
+    count = corners.shape[0]
     for i in range(t.shape[0]):
         height_x, height_y = heights[i, 0], heights[i, 1]
-        eta = corner_height(height_x, height_y) if cornered else math.hypot(height_x, height_y)
+        if count > 0:
+            eta = highest_at_corners(corners, count, height_x, height_y)
+        elif cornered:
+            eta = corner_height(height_x, height_y)
+        else:
+            eta = math.hypot(height_x, height_y)
         if azimuth == azimuth:
             eta = c * height_x + s * height_y
         dt = t[i] - t[i - 1] if i > 0 else 0.0

@@ -45,6 +45,8 @@ _PLACES, LENGTH = _places(
     moment=1,  # time since rest where the slope is taken
     heights=2,  # at +x and +y
     static_height=2,  # per acceleration, along x and y
+    axes=1,  # azimuth of the modes' axes
+    along=2,  # direction of a mode that moves along one line
     lift=1,  # 1 where the vertical acceleration acts
     parameters=PARAMETER_COUNT,  # the effects' switches and parameters
 )
@@ -57,5 +59,6 @@ LEFT_INPUTS, RIGHT_INPUTS = _PLACES["left_inputs"], _PLACES["right_inputs"]
 OLD_INPUTS, NEW_INPUTS = _PLACES["old_inputs"], _PLACES["new_inputs"]
 HEIGHTS, PARAMETERS = _PLACES["heights"], _PLACES["parameters"]
 STATIC_HEIGHT, LIFT = _PLACES["static_height"], _PLACES["lift"]
+AXES, ALONG = _PLACES["axes"], _PLACES["along"]
 ELAPSED, INTERVAL = _PLACES["elapsed"], _PLACES["interval"]
 BEGIN, STEP, MOMENT = _PLACES["begin"], _PLACES["step"], _PLACES["moment"]

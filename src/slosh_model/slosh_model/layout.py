@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from slosh_base.compiled.compilation import compiled
 from slosh_model.effects.registry import DRIVE_MEMORY_COUNT, PARAMETER_COUNT
 from slosh_model.errors import SloshModelError
+from slosh_model.outline_wall import MOST_CORNERS
 
 RUN = np.dtype(
     [
@@ -22,6 +23,10 @@ RUN = np.dtype(
         ("static_height", np.float64),
         ("static_height_y", np.float64),
         ("lift", np.float64),
+        ("axes", np.float64),  # azimuth of the modes' axes from the container's +x [rad]
+        # Corners of the wall, x and y by the reaches along them; none: round, or a rectangle.
+        ("corner_count", np.float64),
+        ("corners", np.float64, (MOST_CORNERS, 2)),
         ("parameters", np.float64, (PARAMETER_COUNT,)),  # switches and parameters of the effects
         ("started", np.float64),  # 0 before the first sample
         ("elapsed", np.float64),  # time since rest [s]
@@ -50,6 +55,9 @@ MODE = np.dtype(
         ("frequency_ratio", np.float64),  # natural frequency along y relative to that along x
         ("radius_y", np.float64),
         ("height_gain_y", np.float64),
+        # Direction of a mode that moves along one line; zeros: along both axes.
+        ("along_x", np.float64),
+        ("along_y", np.float64),
         # Its mass: place [m] and velocity [m/s].
         ("x", np.float64),
         ("y", np.float64),

@@ -13,7 +13,8 @@ from slosh_model import kernel
 from slosh_model.effects.registry import READING_MEMORY_COUNT
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
-from slosh_model.simulate import Inputs, Response, effect_parameters, simulate
+from slosh_model.response import Response
+from slosh_model.simulate import Inputs, effect_parameters, simulate
 
 Elapsed = TypeVar("Elapsed", float, Array)
 
@@ -48,14 +49,15 @@ def measured_heights(
     started = 0.0 if rest is None else float(response.t[0]) - rest
     places = np.array([np.nan]) if azimuths is None else np.atleast_1d(np.asarray(azimuths))
     heights = np.column_stack([response.sh_x, response.sh_y])
-    reaches, cornered = np.array(model.container.reaches), model.container.cornered
+    container = model.container
+    reaches, cornered, corners = np.array(container.reaches), container.cornered, container.corners
     parameters, fill = _read_with(model)
     read = np.empty((len(places), len(response.t)))
     for azimuth, row in zip(places.tolist(), read, strict=True):
         memory = np.zeros(READING_MEMORY_COUNT)
         kernel.read_many(
-            response.t, started, heights, azimuth, reaches, fill, cornered, parameters, memory,
-            row,
+            response.t, started, heights, azimuth, reaches, fill, cornered, corners, parameters,
+            memory, row,
         )  # fmt: skip
     return read.T
 
@@ -133,7 +135,7 @@ def reading_clock(model: Model) -> ReadingClock:
 def predicted_heights(
     model: Model, inputs: Inputs, times: ArrayLike, azimuths: ArrayLike | None = None
 ) -> Array:
-    """Predicts the heights that a sensor measures at given times, with all effects.
+    """Predicts the heights that a sensor measures at given times, with all modelled effects.
 
     >>> import numpy as np
     >>> from slosh_model import Inputs, predicted_heights, read_model

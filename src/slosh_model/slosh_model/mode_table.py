@@ -18,8 +18,9 @@ class ModeRow:
     those of the liquid on the container, in free oscillation.
 
     Attributes:
-        axis: "x" or "y"; of a round container x alone.
+        axis: "x" or "y", or the nearer one; of a round container x alone.
         number: n ≥ 1.
+        azimuth: of the mode's motion, from the container's +x [rad].
         natural_frequency: ω [rad/s].
         damping_ratio: ζ.
         mass: that sloshes [kg]; NaN where the liquid's volume is unknown.
@@ -36,6 +37,7 @@ class ModeRow:
 
     axis: str
     number: int
+    azimuth: float
     natural_frequency: float
     damping_ratio: float
     mass: float
@@ -61,13 +63,16 @@ def mode_table(model: Model, count: int) -> tuple[ModeRow, ...]:
     Raises:
         SloshModelError: more modes than its container has, or they cannot be computed.
     """
-    cornered = model.container.cornered
-    axes = (X_AXIS, Y_AXIS) if cornered else (X_AXIS,)
+    container = model.container
+    container.natural_frequency(2 * count if container.one_directional else count)
+    axes = (X_AXIS, Y_AXIS) if container.follows_yaw else (X_AXIS,)
     return tuple(_row(model, n, axis) for axis in axes for n in range(1, count + 1))
 
 
-def _row(model: Model, n: int, axis: int) -> ModeRow:
+def _row(model: Model, number: int, axis: int) -> ModeRow:
     container = model.container
+    # Where each mode has its own direction, one for x and one for y follow each other.
+    n = 2 * number - 1 + axis if container.one_directional else number
     damping = model.damping_ratio
     if damping is None:
         damping = container.mode_damping(model.liquid.kinematic_viscosity, n)
@@ -80,12 +85,13 @@ def _row(model: Model, n: int, axis: int) -> ModeRow:
     place = container.mass_height(n, axis)
     return ModeRow(
         axis="xy"[axis],
-        number=n,
+        number=number,
+        azimuth=container.direction(n, axis),
         natural_frequency=omega,
         damping_ratio=damping,
         mass=mass,
         mass_ratio=ratio,
-        height_per_displacement=mode.curved_gain,
+        height_per_displacement=mode.curved_gain * container.height_distance(n, axis) / mode.reach,
         static_share=mode.curved_gain * GRAVITY / (omega**2 * mode.reach),
         pendulum_length=GRAVITY / omega**2,
         mass_height=place,

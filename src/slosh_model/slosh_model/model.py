@@ -1,4 +1,4 @@
-"""A sloshing model: container, liquid, damping and additional effects."""
+"""A sloshing model: container, liquid, damping and additional physical effects."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Unpack
 
+import numpy as np
+
+from slosh_base.types import Array
 from slosh_model.checks import within
 from slosh_model.constants import GRAVITY
 from slosh_model.containers import X_AXIS, Container, CupLengths
@@ -29,7 +32,7 @@ FREQUENCIES = (1e-2, 1e3)  # rad/s; any other value is a unit mistaken for anoth
 
 @dataclass(frozen=True, slots=True)
 class EffectUse:
-    """An effect in a model, with its parameters.
+    """A physical effect that a model includes, with its parameters.
 
     >>> from slosh_model import EffectUse
     >>> dict(EffectUse("static_tilt", {"roll": 0.03, "pitch": 0.0}).parameters)  # rad
@@ -60,7 +63,7 @@ class EffectUse:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Model:
-    """A sloshing model; without effects it is planar and linear (2D-L).
+    """A sloshing model; without added effects it is planar and linear (2D-L).
 
     >>> import slosh
     >>> slosh.Model.from_cup(diameter=0.08, fill_height=0.06, rim_height=0.11)
@@ -186,27 +189,27 @@ class Model:
         return "+".join([f"{space}-{surface}", *others])
 
     def has(self, effect: str) -> bool:
-        """Returns whether the model includes an effect."""
+        """Returns whether the model includes the physical effect with this name."""
         return any(use.name == effect for use in self.effects)
 
     def with_effect(self, effect: str, **parameters: float) -> Model:
-        """Returns the model with an effect added, or its parameters replaced."""
+        """Returns the model with a physical effect added, or its parameters replaced."""
         return self.with_effects(EffectUse(effect, parameters))
 
     def with_effects(self, *uses: EffectUse) -> Model:
-        """Returns the model with several effects added or replaced."""
+        """Returns the model with several physical effects added or replaced."""
         if not uses:
             return self
         acting = {use.name: use for use in (*self.effects, *uses)}
         return replace(self, effects=tuple(acting.values()))
 
     def without_effect(self, effect: str) -> Model:
-        """Returns the model without an effect."""
+        """Returns the model without a physical effect."""
         return replace(self, effects=tuple(use for use in self.effects if use.name != effect))
 
     @property
     def acting(self) -> dict[str, Parameters]:
-        """Parameters of all active effects by name, including those of the container."""
+        """Parameters of all active effects by name, including those built into the container."""
         return {**self.container.built_in, **{use.name: use.parameters for use in self.effects}}
 
     def uses(self, hook: str) -> tuple[tuple[Effect, Parameters], ...]:
@@ -259,7 +262,7 @@ class Model:
         )
 
     def feeling_gravity(self) -> Model:
-        """Returns the model with gravity acting in a tilted container."""
+        """Returns the model with gravity acting along the floor of a tilted container."""
         return self if self.has(TILT) else self.with_effect(TILT)
 
     def mode_constants(self) -> tuple[Mode, ...]:
@@ -267,7 +270,7 @@ class Model:
         factor = self._frequency_factor()
         modes = tuple(
             Mode(n, self.container, self._damping(self.container, n), factor)
-            for n in range(1, self.modes + 1)
+            for n in range(1, self.mode_count + 1)
         )
         for effect, parameters in self.uses("modes"):
             before = modes[0].container
@@ -280,14 +283,29 @@ class Model:
                 )
         return modes
 
+    @property
+    def mode_count(self) -> int:
+        """Number of masses: one for each mode, or two where each has its own direction."""
+        return 2 * self.modes if self.container.one_directional else self.modes
+
+    def modal_azimuth(self, yaws: Array) -> Array:
+        """Returns the azimuth (N,) of the axes of modal states from the container's +x [rad].
+
+        Args:
+            yaws: (N,) of the container [rad].
+        """
+        if not self.container.follows_yaw:
+            return -yaws
+        return np.full(len(yaws), self.container.axes(len(self.mode_constants())))
+
     def _damping(self, container: Container, number: int) -> float:
-        """Returns the damping ratio ζ of a mode without the model's effects."""
+        """Returns the damping ratio ζ of a mode before modelled effects change it."""
         if self.damping_ratio is not None:
             return self.damping_ratio
         return container.mode_damping(self.liquid.kinematic_viscosity, number)
 
     def mode_frequency(self, number: int) -> float:
-        """Returns the natural frequency ωₙ [rad/s] of any mode without effects."""
+        """Returns the natural frequency ωₙ [rad/s] of any mode, without modelled effects."""
         return self._frequency_factor() * self.container.natural_frequency(number)
 
     def _frequency_factor(self) -> float:
@@ -314,6 +332,16 @@ class Model:
             gains.append(gain)
         return tuple(gains)
 
+    def _share_along(self, mode: Mode, axis: int, masses: int) -> float:
+        """Returns the squared cosine of the angle between a mode's motion and an axis.
+
+        1 where modes move along both axes.
+        """
+        if not mode.container.one_directional:
+            return 1.0
+        direction = mode.container.direction(mode.number) - self.container.axes(masses)
+        return math.cos(direction - 0.5 * math.pi * axis) ** 2
+
     def static_height(self, modes: tuple[Mode, ...] | None = None, axis: int = X_AXIS) -> float:
         """Returns the quasi-static wall height per acceleration [s²].
 
@@ -334,6 +362,7 @@ class Model:
         gains = self.height_gains(modes, axis)
         along = [mode.along(axis) for mode in modes]
         moved = sum(
-            gain / mode.gravity_frequency**2 for gain, mode in zip(gains, along, strict=True)
+            gain / mode.gravity_frequency**2 * self._share_along(mode, axis, len(modes))
+            for gain, mode in zip(gains, along, strict=True)
         )
         return share * (along[0].reach / GRAVITY - moved)

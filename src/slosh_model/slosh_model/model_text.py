@@ -82,9 +82,9 @@ def format_model(model: Model) -> str:
     if model.natural_frequency is not None:
         document["natural_frequency"] = model.natural_frequency
     if model.container.digest:
-        document |= solved_section(
-            model.container, max(count, *(m.number for m in model.mode_constants()))
-        )
+        highest = max(m.number for m in model.mode_constants())
+        along = (highest + 1) // 2 if model.container.one_directional else highest
+        document |= solved_section(model.container, max(count, along))
         document["modes_in_use"] = count
     elif count != 1:
         document["modes"] = count

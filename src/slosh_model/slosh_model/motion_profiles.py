@@ -130,7 +130,7 @@ class Cycle:
         return self.ratio * self.cycle_time
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:
-        """Returns position, velocity and acceleration in the cycle at given times.
+        """Returns position, velocity and acceleration in the cycle [m, m/s, m/s²] at given times.
 
         Args:
             t: (N,) not before 0 [s].

@@ -55,7 +55,7 @@ def integrated(t: Array, rate: Array) -> Array:
 
 
 def _rates(t: Array, quaternion: Array) -> Array:
-    """Returns the angular velocity (N, 3) in the container's frame by central differences."""
+    """Returns the angular velocity (N, 3) [rad/s] in container axes by central differences."""
     if len(t) < 2:
         return np.zeros((len(t), 3))
     attitude = scipy.spatial.transform.Rotation.from_quat(quaternion)

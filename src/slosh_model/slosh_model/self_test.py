@@ -113,12 +113,12 @@ def _check_read_many() -> None:
             model.with_effect(effect.name, **example_parameters(effect))
         )
         reaches, cornered = np.array(model.container.reaches), model.container.cornered
-        fill = model.container.fill_height
+        fill, corners = model.container.fill_height, model.container.corners
         for azimuth in (np.nan, 0.4):
             memory, read = np.zeros(max(READING_MEMORY_COUNT, 1)), np.zeros(len(t))
             compare(
-                kernel.read_many, t, 0.5, heights, azimuth, reaches, fill, cornered, parameters,
-                memory, read,
+                kernel.read_many, t, 0.5, heights, azimuth, reaches, fill, cornered, corners,
+                parameters, memory, read,
             )  # fmt: skip
 
 

@@ -8,29 +8,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from slosh_base.types import Array
 from slosh_model import kernel
-from slosh_model.containers import X_AXIS, Y_AXIS, Container
+from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.effects.registry import (
     EFFECTS,
     PARAMETER_COUNT,
     SLOTS,
 )
 from slosh_model.errors import SloshModelError
-from slosh_model.for_notebooks import Shown, height_axes, peak, span, table
+from slosh_model.for_notebooks import span
 from slosh_model.interpolation import columns_at
 from slosh_model.layout import MODAL, RUN, back_to_rest, divided, new_store
 from slosh_model.model import VERTICAL, Model
+from slosh_model.modes import Mode
 from slosh_model.pose import pose_rows
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from pandas import DataFrame
-
+from slosh_model.response import Response
 
 MAXIMUM_STEP = 0.002
 """Default bound of the sub-step [s]: relative error below 1e-6 for modes up to 10 Hz."""
@@ -159,77 +156,6 @@ class State:
             memory = np.zeros(_MEMORY_COUNT)
             memory[_REMEMBERED.index("started")] = 1.0
         object.__setattr__(self, "memory", _frozen("memory", memory, (_MEMORY_COUNT,)))
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Response(Shown):
-    """Response of the liquid, with one entry for each input sample.
-
-    >>> import slosh
-    >>> response = slosh.simulate("cup/model.yaml", "move.csv")
-    >>> print(f"{1e3 * response.msh.max():.1f} mm")
-    5.9 mm
-
-    Attributes:
-        t: (N,) time [s].
-        sh_x, sh_y: (N,) signed height on the wall at the container's +x and +y [m].
-        modal: (N, modes, 4) x, y, vx, vy in axes that do not yaw, or in those of a rectangle
-            [m, m/s].
-        container: whose wall it is; None: a round one.
-    """
-
-    t: Array
-    sh_x: Array
-    sh_y: Array
-    modal: Array
-    container: Container | None = None
-
-    @property
-    def msh(self) -> Array:
-        """Maximum sloshing height (N,) over the wall [m] (DL22, Table 2).
-
-        Of the liquid itself: what a sensor reads of it is `slosh_model.measure`.
-        """
-        if self.container is None:
-            return np.hypot(self.sh_x, self.sh_y)
-        return self.container.msh(self.sh_x, self.sh_y)
-
-    @property
-    def azimuth(self) -> Array:
-        """Azimuth (N,) of the maximum [rad], in (-π, π] (DL22, eq. (26)).
-
-        In a rectangle that of its corner, or of a side's middle where all of it is as high.
-        """
-        if self.container is None:
-            return np.arctan2(self.sh_y, self.sh_x)
-        return self.container.azimuth(self.sh_x, self.sh_y)
-
-    def __repr__(self) -> str:
-        return f"Response({span(self.t)}, {peak(self.t, self.msh, 'height')})"
-
-    def to_pandas(self) -> DataFrame:
-        """Returns a pandas table of `msh`, `azimuth`, `sh_x` and `sh_y` [m, rad] by time.
-
-        Raises:
-            ImportError: pandas is not installed.
-        """
-        names = ("msh", "azimuth", "sh_x", "sh_y")
-        columns = {name: getattr(self, name) for name in names}
-        return table(self.t, columns, units={"azimuth": "rad"})
-
-    def plot(self, axes: Axes | None = None, **line: Any) -> Axes:
-        """Draws the maximum sloshing height over time.
-
-        Args:
-            axes: matplotlib's; None: of a new figure.
-            line: of matplotlib's `Axes.plot`, such as label and color.
-
-        Raises:
-            ImportError: matplotlib is not installed.
-        """
-        axes = height_axes(axes)
-        axes.plot(self.t, 1e3 * self.msh, **line)
-        return axes
 
 
 class Simulator:
@@ -395,6 +321,9 @@ def store_of(model: Model, max_step: float = MAXIMUM_STEP) -> Array:
     run["static_height"], run["static_height_y"] = (
         model.static_height(constants, axis) for axis in (X_AXIS, Y_AXIS)
     )
+    run["axes"] = axes = model.container.axes(len(constants))
+    corners = model.container.corners
+    run["corner_count"], run["corners"][0, : len(corners)] = len(corners), corners
     run["lift"] = float(model.has(VERTICAL))
     run["parameters"] = effect_parameters(model)
     gains = (model.height_gains(constants, axis) for axis in (X_AXIS, Y_AXIS))
@@ -403,10 +332,18 @@ def store_of(model: Model, max_step: float = MAXIMUM_STEP) -> Array:
         modes[n] = (
             mode.natural_frequency, mode.damping_ratio, mode.curvature, mode.reach, gain, mode.xi,
             mode.container.fill_height, across.natural_frequency / mode.natural_frequency,
-            across.reach, gain_y,
+            across.reach, gain_y, *_direction_in(mode, axes),
             0.0, 0.0, 0.0, 0.0,
         )  # fmt: skip
     return store
+
+
+def _direction_in(mode: Mode, axes: float) -> tuple[float, float]:
+    """Returns the direction of a mode's motion, in axes turned by `axes` [rad]; or (0, 0)."""
+    if not mode.container.one_directional:
+        return 0.0, 0.0
+    direction = mode.container.direction(mode.number) - axes
+    return math.cos(direction), math.sin(direction)
 
 
 def effect_parameters(model: Model) -> Array:

@@ -21,7 +21,7 @@ from slosh_model.constants import GRAVITY
 from slosh_model.containers import X_AXIS, Y_AXIS, Container
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
-from slosh_model.simulate import Inputs, simulate
+from slosh_model.simulate import Inputs, State, simulate
 from slosh_model.standing import Standing
 
 LEVELS = 64
@@ -60,10 +60,11 @@ class StandingMasses:
             )
         total = standing.mass + liquid
         moment = standing.mass * standing.centre_height + liquid * liquid_centre(container)
-        numbers = [(n, axis) for n in range(1, model.modes + 1) for axis in (X_AXIS, Y_AXIS)]
+        modes = [mode.number for mode in model.mode_constants()]
+        numbers = [(n, axis) for n in modes for axis in (X_AXIS, Y_AXIS)]
         modal = [liquid * container.mass_ratio(n, axis) for n, axis in numbers]
         heights = [container.fill_height + container.mass_height(n, axis) for n, axis in numbers]
-        shape = (model.modes, 2)
+        shape = (len(modes), 2)
         return cls(
             total, moment / total, np.reshape(modal, shape), np.reshape(heights, shape)
         )  # fmt: skip
@@ -107,7 +108,11 @@ def liquid_centre(container: Container) -> float:
 
 
 def standing_use(
-    model: Model, standing: Standing, inputs: Inputs, place: Array | None = None
+    model: Model,
+    standing: Standing,
+    inputs: Inputs,
+    place: Array | None = None,
+    state: State | None = None,
 ) -> StandingUse:
     """Simulates a motion; returns the fractions of friction and support base that it uses.
 
@@ -116,22 +121,27 @@ def standing_use(
         standing: how the container stands.
         inputs: motion of the tray's frame.
         place: (3,) of the centre of the still surface in that frame [m]; None: its origin.
+        state: of the liquid at the first sample; None: at rest.
     """
     masses = StandingMasses.of(model, standing)
-    modal = simulate(model, inputs)[0].modal
+    modal = simulate(model, inputs, state)[0].modal
     above = np.array([0.0, 0.0, masses.centre_height - model.container.fill_height])
     force = specific_force(inputs, above if place is None else place + above)
     displacement, speed = modal[:, :, :2], modal[:, :, 2:]
-    if not model.container.cornered:
+    if not model.container.follows_yaw:
         displacement, speed = (_turned(one, -inputs.yaws) for one in (displacement, speed))
     change = np.gradient(speed, inputs.t, axis=0)
-    lateral = masses.total * force[:, :2] + (masses.modal * change).sum(axis=1)
+    axes = np.full(len(inputs.t), model.container.axes(model.mode_count))
+    displaced, pulled, lifted = (
+        _turned(one.sum(axis=1, keepdims=True), axes)[:, 0]
+        for one in (
+            masses.modal * displacement, masses.modal * change,
+            masses.modal * masses.heights * change,
+        )
+    )  # fmt: skip
+    lateral = masses.total * force[:, :2] + pulled
     normal = masses.total * force[:, 2]
-    moment = (
-        (masses.modal * displacement).sum(axis=1) * force[:, 2:]
-        - masses.total * masses.centre_height * force[:, :2]
-        - (masses.modal * masses.heights * change).sum(axis=1)
-    )
+    moment = displaced * force[:, 2:] - masses.total * masses.centre_height * force[:, :2] - lifted
     held = np.where(normal > 0.0, normal, np.nan)
     slip = np.hypot(*lateral.T) / (standing.friction * held)
     tip = np.hypot(*moment.T) / (standing.base_radius * held)

@@ -16,13 +16,13 @@ from slosh_base.types import Array
 from slosh_model.bessel import radial_shape
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
-from slosh_model.simulate import Response
+from slosh_model.response import Response
 
 
 def plane_surface(
     wall_heights: ArrayLike, relative_radius: ArrayLike, azimuth: ArrayLike
 ) -> Array:
-    """Returns the height of the linear model's plane surface (DL22, eq. (18)).
+    """Returns the height [m] of the linear model's plane surface (DL22, eq. (18)).
 
     Args:
         wall_heights: (modes, 2) [m].
@@ -44,7 +44,7 @@ def bessel_surface(
     azimuth: ArrayLike,
     numbers: Sequence[int] | None = None,
 ) -> Array:
-    """Returns the height of the nonlinear model's curved surface (DL22, eq. (19)).
+    """Returns the height [m] of the nonlinear model's curved surface (DL22, eq. (19)).
 
     Args:
         wall_heights: (modes, 2) [m].
@@ -69,7 +69,7 @@ def bessel_surface(
 def surface_height(
     model: Model, modal: ArrayLike, relative_radius: ArrayLike, azimuth: ArrayLike
 ) -> Array:
-    """Returns the height of a model's surface at one time: plane for L, Bessel for NL.
+    """Returns the height [m] of a model's surface at one time: plane for L, Bessel for NL.
 
     Args:
         model: the model.
@@ -99,7 +99,7 @@ def _refuse_computed(model: Model) -> None:
 
 
 def rectangle_surface(model: Model, modal: ArrayLike, x: ArrayLike, y: ArrayLike = 0.0) -> Array:
-    """Returns the height of the surface in a rectangular container.
+    """Returns the height [m] of the surface in a rectangular container.
 
     With one mode a plane (TM20, section 2.2), with several their standing waves along either axis.
 
@@ -177,7 +177,7 @@ def motion_axis(acceleration: ArrayLike, tolerance: float = 1e-6) -> float | Non
 
 
 def sloshing_height(response: Response, acceleration: ArrayLike) -> tuple[str, Array]:
-    """Returns the height that characterises a motion from rest, SH or MSH (DL22, Fig. 3).
+    """Returns the height [m] that characterises a motion from rest, SH or MSH (DL22, Fig. 3).
 
     Args:
         response: the liquid's answer to it.

@@ -62,12 +62,12 @@ def unfelt_tilt(model: Model, attitude: Array | None) -> float:
 
 
 def feeling(model: Model, attitude: Array | None) -> Model:
-    """Returns the model for a motion, with the effect `gravity_tilt` if the container tilts."""
+    """Returns the model for a motion; adds the effect `gravity_tilt` if the container tilts."""
     return model.feeling_gravity() if unfelt_tilt(model, attitude) else model
 
 
 def added_text(model: Model, attitude: Array | None) -> str:
-    """Returns one line if gravity by tilt was added to the model, else an empty text."""
+    """Returns a note if the effect `gravity_tilt` was added to the model, else an empty text."""
     tilt = unfelt_tilt(model, attitude)
     if not tilt:
         return ""

@@ -87,7 +87,7 @@ class Tray:
         return bool(self.first.name)
 
     def of(self, changed: Callable[[Model], Model]) -> Tray:
-        """Returns the tray with each model changed by a function."""
+        """Returns the tray with each container's model changed by a function."""
         return Tray(tuple(replace(one, model=changed(one.model)) for one in self.containers))
 
     def with_container(self, index: int, container: TrayContainer) -> Tray:
@@ -109,7 +109,7 @@ class Tray:
     @property
     def turning(self) -> TrayContainer:
         """First container whose liquid rotates with it, as in a box; else the first container."""
-        boxes = (one for one in self.present if one.model.container.cornered)
+        boxes = (one for one in self.present if one.model.container.follows_yaw)
         return next(boxes, self.first)
 
     @property
@@ -119,7 +119,7 @@ class Tray:
 
     @cached_property
     def bounds(self) -> Array:
-        """Heights (N,) [m] by which the containers are judged; 1 m without limit and rim."""
+        """Greatest allowed heights (N,) [m]; 1 m for containers without known limit and rim."""
         bounds = np.array([one.bound for one in self.containers])
         return np.where(np.isfinite(bounds), bounds, 1.0)
 

@@ -85,7 +85,7 @@ class Wall:
         return surface, along, radius, self.freeboard - surface, left
 
     def height_at(self, distance: float = 0.0) -> float:
-        """Returns the wall height [m] that puts the crest a distance below the rim; NaN if none.
+        """Returns the height at the wall [m] for a crest at a distance below the rim; NaN if none.
 
         NaN: the rim is not known. Not above 0: no wave leaves so much.
         """

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from slosh_model.measure import measured_heights, predicted_heights
 from slosh_model.model import Model
+from slosh_model.response import Response
 from slosh_model.shapes.cylinder import Cylinder
-from slosh_model.simulate import Inputs, Response, State, simulate
+from slosh_model.simulate import Inputs, State, simulate
 
 RADIUS = 0.05
 PLAIN = Model(Cylinder(RADIUS, 0.07), damping_ratio=0.02)

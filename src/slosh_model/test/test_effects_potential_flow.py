@@ -11,8 +11,9 @@ from scipy.special import jnp_zeros, jv
 from slosh_model.effects import bound_modes
 from slosh_model.measure import measured_heights
 from slosh_model.model import Model
+from slosh_model.response import Response
 from slosh_model.shapes.cylinder import Cylinder
-from slosh_model.simulate import Inputs, Response, State, simulate
+from slosh_model.simulate import Inputs, State, simulate
 
 RADIUS = 0.05
 TIMES = np.arange(0.0, 2.0, 0.002)

@@ -79,7 +79,8 @@ def test_not_a_number_in_both_is_equal() -> None:
     state = np.full(len(reference_motion().t), np.nan)
     compare(
         kernel.read_many, reference_motion().t, 0.0, np.full((len(state), 2), np.nan), 0.1,
-        np.full(2, 0.05), 0.07, False, np.zeros(PARAMETER_COUNT), np.zeros(8), state,
+        np.full(2, 0.05), 0.07, False, np.empty((0, 2)), np.zeros(PARAMETER_COUNT), np.zeros(8),
+        state,
     )  # fmt: skip
 
 

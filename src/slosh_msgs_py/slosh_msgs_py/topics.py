@@ -9,7 +9,10 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from enum import Enum
+from functools import cache
 from typing import Final, NamedTuple
+
+from slosh_msgs_py.errors import SloshMessageError
 
 NAMESPACE: Final = "/slosh"
 """The default namespace of a cell."""
@@ -273,8 +276,52 @@ COMMANDING: Mapping[str, Topic] = {row.commands: row for row in TOPICS if row.co
 """Topics of commands, by the value of the governor's parameter `command`."""
 
 
+PER_CONTAINER = (FREE_SURFACE, COMPARISON, IMAGE, IMAGE_COMPRESSED, CAMERA_INFO)
+"""Topics that each container of a tray with a camera of its own has; see `of_container`."""
+
+
+def of_container(name: str, container: str) -> str:
+    """Returns the topic of a container behind a tray's first.
+
+    >>> of_container("camera/image_raw", "right")
+    'camera_right/image_raw'
+
+    Args:
+        name: of the first container's topic, one of PER_CONTAINER.
+        container: name of the other one; empty: the first.
+
+    Raises:
+        SloshMessageError: no topic can carry that name.
+    """
+    if not re.fullmatch(r"\w*", container, re.ASCII):
+        raise SloshMessageError(
+            f"camera of container {container!r:.60}: topics carry the container's name: rename it "
+            "in tray.yaml to letters, digits and '_'"
+        )
+    first, slash, rest = name.partition("/")
+    return f"{first}_{container}{slash}{rest}" if container else name
+
+
+def _of_some_container(name: str) -> str:
+    """Returns a regular expression for a topic of the first or of any other container."""
+    first, slash, rest = name.partition("/")
+    other = r"(?:_\w+)?" if name in PER_CONTAINER else ""
+    return f"{re.escape(first)}{other}{re.escape(slash + rest)}"
+
+
+@cache
+def row_of(name: str) -> Topic | None:
+    """Returns the row of a relative topic name, also of one of another container; None: no row."""
+    fitting = (
+        row
+        for row in TOPICS
+        if not row.is_absolute and re.fullmatch(_of_some_container(row.name), name)
+    )
+    return next(fitting, None)
+
+
 class CellName(NamedTuple):
-    """A full topic name, resolved to one of the cell's own topics.
+    """A full topic name and the entry of the project's topic table to which it belongs.
 
     Attributes:
         namespace: of the cell; empty: the root.
@@ -294,7 +341,10 @@ class CellName(NamedTuple):
             return self.topic.role is TopicRole.INPUT
         folder = self.name.partition("/")[0]
         return any(
-            row.role is TopicRole.INPUT and row.name.startswith(f"{folder}/") for row in TOPICS
+            row.role is TopicRole.INPUT
+            and "/" in row.name
+            and re.fullmatch(_of_some_container(row.name).partition("/")[0], folder)
+            for row in TOPICS
         )
 
 
@@ -322,11 +372,11 @@ def cell_name(topic: str, message_type: str = "") -> CellName | None:
     Returns:
         None: it is no topic of a cell.
     """
-    rows = {row.name: row for row in TOPICS if not row.is_absolute}
-    found = re.fullmatch(f"(.*?)/({'|'.join(map(re.escape, rows))})", topic)
-    if found is not None:
-        row = rows[found[2]]
+    names = [row.name for row in TOPICS if not row.is_absolute]
+    found = re.fullmatch(f"(.*?)/({'|'.join(map(_of_some_container, names))})", topic)
+    row = row_of(found[2]) if found is not None else None
+    if found is not None and row is not None:
         return CellName(found[1], found[2], row) if message_type in ("", row.type) else None
-    folders = sorted({name.partition("/")[0] for name in rows if "/" in name})
+    folders = sorted({name.partition("/")[0] for name in names if "/" in name})
     found = re.fullmatch(f"(.*?)/((?:{'|'.join(map(re.escape, folders))})/.+)", topic)
     return CellName(found[1], found[2], None) if found is not None else None

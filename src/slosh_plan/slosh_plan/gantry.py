@@ -68,7 +68,7 @@ def gantry_limits(
     period = first_period(model)
 
     def strongest(ramp: float) -> float:
-        """Returns the largest acceleration, built up over a time [s]."""
+        """Returns the largest safe acceleration [m/s²] that builds up over a ramp time [s]."""
 
         def height(acceleration: float) -> float:
             return _peak(model, acceleration, ramp, period)[0]
@@ -94,7 +94,7 @@ def gantry_limits(
 
 
 def _largest(height: Callable[[float], float], limit: float, low: float, high: float) -> float:
-    """Returns the largest value whose height keeps a limit, by halving the logarithm.
+    """Returns the largest parameter value whose wave height keeps a limit, by bisection.
 
     Raises:
         SloshPlanError: not even the lowest value keeps it.
@@ -132,7 +132,7 @@ def _peak(model: Model, acceleration: float, ramp: float, longest: float) -> tup
 
 
 def _speeds(edges: Array, values: Array) -> tuple[Array, Array]:
-    """Returns times and speeds of an acceleration that is linear between edges."""
+    """Returns times [s] and speeds [m/s] for an acceleration that is linear between edges."""
     t = np.unique(np.concatenate([np.linspace(a, b, 33) for a, b in pairwise(edges) if b > a]))
     inside = np.searchsorted(edges, 0.5 * (t[1:] + t[:-1])) - 1
     left, width = edges[inside], np.diff(edges)[inside]
@@ -145,13 +145,13 @@ def _speeds(edges: Array, values: Array) -> tuple[Array, Array]:
 def _moves(
     model: Model, acceleration: float, ramp: float, longest: float
 ) -> Iterator[tuple[Inputs, float]]:
-    """Yields moves of both axes, also of the axes of a box alone, and when each ends [s]."""
+    """Yields moves of both axes, for a box also of one axis alone, with their end times [s]."""
     period = first_period(model)
     # A short push needs more samples.
     step = min(period, max(longest, period * TUNING.gantry_short) * TUNING.gantry_fine)
     step /= TUNING.gantry_rows
     directions = [(1.0, 1.0)]
-    if model.container.cornered:
+    if model.container.follows_yaw:
         directions += [(1.0, 0.0), (0.0, 1.0)]
     shares = np.linspace(0.0, 1.0, TUNING.gantry_moves)
     for hold in (longest * np.maximum(shares, 0.5 * shares[1])).tolist():

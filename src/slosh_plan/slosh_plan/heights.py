@@ -23,7 +23,7 @@ PERIODS = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Extremes:
-    """Maximum heights during and after a motion.
+    """Maximum heights [m] during and after a motion.
 
     Attributes:
         peak: greatest MSH [m]; infinite where the model has left its range.
@@ -58,7 +58,7 @@ def all_extremes(
     *,
     max_step: float = MAXIMUM_STEP,
 ) -> list[Extremes]:
-    """Computes the maximum heights of many motions.
+    """Computes the maximum heights [m] of many motions.
 
     Args:
         model: the model.
@@ -84,7 +84,7 @@ def all_extremes(
 def _heights(
     model: Model, inputs: Sequence[Inputs], modal: Array | None, max_step: float
 ) -> list[Array]:
-    """Computes the heights (N, 2) of each motion; simulates those with equal start together."""
+    """Computes the heights (N, 2) [m] of each motion; simulates those of equal start together."""
     groups: dict[float, list[int]] = {}
     for place, motion in enumerate(inputs):
         t = 0.0 if modal is None else float(motion.t[0])

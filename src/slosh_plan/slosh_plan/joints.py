@@ -10,6 +10,7 @@ import scipy
 
 from slosh_base.types import Array
 from slosh_estimator.robot import Mover, Robot
+from slosh_estimator.tuning import TUNING as ESTIMATOR_TUNING
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.trajectory import PEAK_SPACING, Trajectory, dense
 
@@ -46,13 +47,24 @@ class Arm(Robot):
         tool_frame: link whose origin is the container's, in the centre of the still free surface,
             with z along the container's axis.
         name: of the description, for messages.
+        group: joints that move; others that carry the container are held where they are not given.
+            Empty: all joints that carry the container move.
+
+    Attributes:
+        held: names of the joints that carry the container and are not in the group.
 
     Raises:
         SloshPlanError: Pinocchio is missing, no such description, no such link.
     """
 
-    def __init__(self, urdf: str, tool_frame: str, name: str = "URDF") -> None:
+    def __init__(
+        self, urdf: str, tool_frame: str, name: str = "URDF", group: Sequence[str] = ()
+    ) -> None:
         super().__init__(urdf, tool_frame, name=name, error=SloshPlanError)
+        self.held = tuple(one for one in self.carrying if one not in group) if group else ()
+        limits = self.limits(self.held)
+        bounds = zip(self.held, limits["lower"], limits["upper"], strict=True)
+        self._rests = tuple(joint for joint, lower, upper in bounds if lower <= 0.0 <= upper)
 
     def motion(
         self,
@@ -92,6 +104,7 @@ class Arm(Robot):
             if values is not None
         ]  # fmt: skip
         columns[0] = self.joined(joints, columns[0])
+        self._check_range(joints, columns[0], name)
         moments = dense(np.asarray(t, dtype=np.float64), PEAK_SPACING)
         curve = joint_curve(np.asarray(t, dtype=np.float64), columns, name)
         states = [np.asarray(curve(moments, order)) for order in range(3)]
@@ -108,7 +121,8 @@ class Arm(Robot):
             position: (N, J) [rad or m].
         """
         joined = self.joined(joints, position)
-        return [name for k, name in enumerate(joints) if (joined[:, k] != position[:, k]).any()]
+        apart = np.abs(joined - position) > 0.0  # false for what is not a number
+        return [name for name, column in zip(joints, apart.T, strict=True) if column.any()]
 
     def known(self, joints: Sequence[str]) -> list[bool]:
         """Returns which of the joints the robot's description has."""
@@ -255,6 +269,8 @@ class Arm(Robot):
             if model.existJointName(name)
         ]
         rest = self._pin.neutral(model)
+        for mover in self._movers:
+            mover.put(rest, 0.0)
         for row in position:
             q = rest.copy()
             for column, place in places:
@@ -298,10 +314,23 @@ class Arm(Robot):
             if joints.count(joint) > 1:
                 raise SloshPlanError(f"{name}: joint {joint!r} appears twice")
         for joint in self.carrying:
-            if joint not in joints:
+            if joint not in joints and joint not in self._rests:
+                held = "; it is not in the group and cannot be held at 0" * (joint in self.held)
                 raise SloshPlanError(
-                    f"{name}: joint {joint!r} carries the container and is missing"
+                    f"{name}: joint {joint!r} carries the container and is missing{held}"
                 )
+
+    def _check_range(self, joints: Sequence[str], position: Array, name: str) -> None:
+        """Raises SloshPlanError if a joint position is far beyond its limits, as degrees are."""
+        limits = self.limits(joints)
+        outside = np.maximum(limits["lower"] - position, position - limits["upper"])
+        if len(outside) and outside.max() > ESTIMATOR_TUNING.beyond_limits:
+            row, place = map(int, np.unravel_index(int(np.argmax(outside)), outside.shape))
+            raise SloshPlanError(
+                f"{name}: joint {joints[place]!r} reaches {position[row, place]:.6g}, far outside "
+                f"its limits, {limits['lower'][place]:.6g} to {limits['upper'][place]:.6g}: "
+                "positions must be in rad and m, not in degrees and mm"
+            )
 
     def _moved(
         self, t: Array, joints: Sequence[str], states: Sequence[Array], name: str

@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from slosh_model.tray import Tray
-from slosh_plan import HeightLimits, LiquidState, ModelError, Prediction, Trajectory
+from slosh_plan import HeightLimits, ModelError, Prediction, Trajectory
+from slosh_plan.start import LiquidStates
 from slosh_plan.tray import TrayPrediction, predict_tray
 
 FORGOTTEN = 60.0
@@ -42,7 +43,7 @@ def look_ahead(
     delay: float,
     *,
     limits: HeightLimits,
-    state: LiquidState | None = None,
+    state: LiquidStates | None = None,
     error: ModelError | None = None,
 ) -> TrayPrediction:
     """Predicts the liquid's response to a motion that begins after a short delay.
@@ -52,7 +53,7 @@ def look_ahead(
         motion: the motion.
         delay: until it begins [s]; the container rests meanwhile.
         limits: to be kept.
-        state: the liquid now, of one container; None: at rest.
+        state: the liquid now, of each container by its name; None: at rest.
         error: the model's measured error.
 
     Returns:

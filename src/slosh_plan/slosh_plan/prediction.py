@@ -230,7 +230,7 @@ def _predicted(
     horizon: float,
     error: ModelError,
 ) -> list[Prediction]:
-    """Predicts the heights of motions that the same model covers."""
+    """Predicts the heights of motions that are all simulated with the same model."""
     inputs = [one.inputs(horizon) for one in given]
     ends = [float(one.t[-1]) for one in given]
     linear_modal, modal = (state.linear, state.nonlinear) if state else (None, None)
@@ -296,13 +296,16 @@ def check_start(model: Model, state: LiquidState | None, limits: HeightLimits) -
         return
     nonlinear = model.nonlinear()
     gains = zip(nonlinear.height_gains(), nonlinear.height_gains(axis=1), strict=True)
-    if len(state.nonlinear) != model.modes:
+    if len(state.nonlinear) != model.mode_count:
         raise SloshPlanError(
-            f"the liquid's state has {len(state.nonlinear)} modes, the model {model.modes}"
+            f"the liquid's state has {len(state.nonlinear)} modes, the model {model.mode_count}"
         )
     x = y = 0.0
     for (gain, gain_y), mode in zip(gains, state.nonlinear, strict=True):
         x, y = x + gain * mode[0], y + gain_y * mode[1]
+    azimuth = model.container.axes(model.mode_count)
+    c, s = math.cos(azimuth), math.sin(azimuth)
+    x, y = c * x - s * y, s * x + c * y
     height = float(model.container.msh(np.asarray(x), np.asarray(y)))
     if height > limits.height:
         raise SloshPlanError(

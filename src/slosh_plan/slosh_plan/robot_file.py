@@ -5,16 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
 
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.robot import read_urdf
 from slosh_model.containers import Container
+from slosh_plan.errors import SloshPlanError
 from slosh_plan.joints import Arm
 from slosh_plan.planning.joint_limits import JointLimits, limits_of, read_joint_limits
 from slosh_plan.planning.joint_path import joint_path
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import never
 from slosh_plan.planning.waypoints import JointWaypoints
+from slosh_plan.robot_group import Group, read_group
+
+MOVED = 1e-4
+"""By which a joint that is held may move [rad or m]: the noise of its sensor."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,10 +32,20 @@ class CarryingRobot:
     Attributes:
         arm: the robot.
         given: limits by joint and name, in place of those of the description.
+        group: joints that move; None: all that carry the container.
     """
 
     arm: Arm
     given: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    group: Group | None = None
+
+    @property
+    def doubt(self) -> str:
+        """Names joints with given limits that the description lacks; empty if there are none."""
+        names = list(self.given)
+        strange = [one for one, known in zip(names, self.arm.known(names), strict=True)
+                   if not known]  # fmt: skip
+        return f"joint limits of {', '.join(strange)}: no such joint in the URDF" * bool(strange)
 
     def limits(self, joints: Sequence[str]) -> JointLimits:
         """Returns the limits of the named joints."""
@@ -45,15 +63,43 @@ class CarryingRobot:
         Raises:
             SloshPlanError, StoppedError: as `joint_path`.
         """
+        self.check_group(waypoints, name)
         # The liquid in a round one does not turn with it.
         return joint_path(
             self.arm, self.limits(waypoints.names), waypoints.points(name),
-            follows_yaw=container.cornered, name=name, stopped=stopped,
+            follows_yaw=container.follows_yaw, name=name, stopped=stopped,
         )  # fmt: skip
+
+    def check_group(self, waypoints: JointWaypoints, name: str) -> None:
+        """Raises SloshPlanError unless the group's joints, and they alone, move the container.
+
+        Others that do not carry it, such as a gripper's, move along.
+        """
+        if self.group is None:
+            return
+        missing = [joint for joint in self.group.joints if joint not in waypoints.names]
+        if missing:
+            raise SloshPlanError(
+                f"{name}: joint {missing[0]!r} of the group {self.group.name!r} is missing"
+            )
+        for place, joint in enumerate(waypoints.names):
+            if joint in self.arm.held and np.ptp(waypoints.position[:, place]) > MOVED:
+                raise SloshPlanError(
+                    f"{name}: joint {joint!r} carries the container and moves, but is not in the "
+                    f"group {self.group.name!r}"
+                )
+
+    def held(self, joints: Sequence[str]) -> tuple[str, ...]:
+        """Returns the joints that carry the container, are not given, and so are held at 0."""
+        return tuple(joint for joint in self.arm.held if joint not in joints)
 
 
 def read_robot(
-    urdf: str | FilePath, tool_frame: str, joint_limits: str | FilePath = ""
+    urdf: str | FilePath,
+    tool_frame: str,
+    joint_limits: str | FilePath = "",
+    srdf: str | FilePath = "",
+    group: str = "",
 ) -> CarryingRobot | None:
     """Reads the files of the robot, or returns None if no file is named.
 
@@ -61,22 +107,31 @@ def read_robot(
         urdf: its description; empty: none.
         tool_frame: link that is the container.
         joint_limits: MoveIt's joint_limits.yaml; empty: none.
+        srdf, group: MoveIt's semantic description, and the group of joints in it that move;
+            empty: all joints that carry the container move.
 
     Raises:
         SloshEstimatorError, SloshPlanError, SloshFileError: a file cannot be read.
     """
+    if bool(str(srdf)) != bool(group):
+        raise SloshEstimatorError("srdf and group must be given together")
     if not str(urdf):
+        if group:
+            raise SloshEstimatorError(f"group {group!r}: needs the robot: its URDF and tool frame")
         return None
     given = read_joint_limits(FilePath(joint_limits)) if str(joint_limits) else {}
-    return CarryingRobot(read_arm(urdf, tool_frame), given)
+    moving = read_group(srdf, group, read_urdf(urdf)) if group else None
+    joints = moving.joints if moving else ()
+    return CarryingRobot(read_arm(urdf, tool_frame, joints), given, moving)
 
 
-def read_arm(path: str | FilePath, tool_frame: str) -> Arm:
+def read_arm(path: str | FilePath, tool_frame: str, group: Sequence[str] = ()) -> Arm:
     """Reads a robot from a URDF file.
 
     Args:
         path: the file.
         tool_frame: link that is the container.
+        group: joints that move; empty: all that carry the container.
 
     Raises:
         SloshEstimatorError: the file cannot be read, or no link is named.
@@ -86,4 +141,14 @@ def read_arm(path: str | FilePath, tool_frame: str) -> Arm:
         raise SloshEstimatorError(
             f"{path}: give the link that holds the container: the tool frame"
         )
-    return Arm(read_urdf(path), tool_frame, str(path))
+    return Arm(read_urdf(path), tool_frame, str(path), group)
+
+
+def robot_of(parameters: Mapping[str, Any]) -> CarryingRobot | None:
+    """Reads the robot that a node's parameters name; None if they name none.
+
+    Raises:
+        SloshEstimatorError, SloshPlanError, SloshFileError: as of `read_robot`.
+    """
+    names = ("urdf", "tool_frame", "joint_limits", "srdf", "group")
+    return read_robot(*(parameters.get(name, "") for name in names))

@@ -127,14 +127,13 @@ def safe_scales(
     horizon = checked_horizon(model, horizon)
     nonlinear = model.nonlinear()
     bound = None if state is not None else _bound(nonlinear, trajectory, kept)
-    fastest = _fastest(nonlinear, trajectory)
-    ceiling = max(min(TUNING.slowest, LONGEST / trajectory.duration), 1.01 * fastest)
-    slowest = min(max(1.05 * bound, 1.01 * fastest), ceiling) if bound else ceiling
+    fastest = fastest_scale(nonlinear, trajectory)
+    slowest = slowest_scale(trajectory, fastest, bound)
     modal = state.nonlinear if state else None
-    scan = _Scan(nonlinear, trajectory, kept, modal, horizon, _Budget(most))
+    scan = _Scan(nonlinear, trajectory, kept, modal, horizon, Budget(most))
     scales = np.geomspace(fastest, slowest, max(count, 2))
     safe = scan.looked_at(scales)
-    intervals = _refined(scan.exact, scales, safe)
+    intervals = refined(scan.exact, scales, safe)
     proven = bool(bound and bound < slowest)
     return SafeScales(
         trajectory.name,
@@ -147,7 +146,7 @@ def safe_scales(
 
 
 @dataclass(slots=True, eq=False)
-class _Budget:
+class Budget:
     """Maximum number of simulated samples, and how many were used."""
 
     most: float
@@ -173,7 +172,7 @@ class _Scan:
     limits: HeightLimits
     modal: Array | None
     horizon: float
-    budget: _Budget
+    budget: Budget
 
     def looked_at(self, scales: Array) -> Bools:
         """Returns whether each scale is safe; a full simulation decides doubtful scales."""
@@ -239,7 +238,7 @@ class _Scan:
         return near or (math.isfinite(residual) and abs(one.residual - residual) < slack)
 
 
-def _refined(
+def refined(
     exact: Callable[[Array], Bools], scales: Array, safe: Bools
 ) -> tuple[tuple[float, float], ...]:
     """Returns the intervals of safe scales with refined edges."""
@@ -264,13 +263,25 @@ def _refined(
     return tuple(zip(starts, ends, strict=True))
 
 
-def _fastest(model: Model, trajectory: Trajectory) -> float:
+def fastest_scale(model: Model, trajectory: Trajectory) -> float:
     """Returns the scale at which the motion reaches the model's limits of validity."""
     acceleration, jerk = greatest(trajectory)
     reached = max(
         math.sqrt(acceleration / model.limits.acceleration), (jerk / model.limits.jerk) ** (1 / 3)
     )
     return float(max(reached, 0.01))
+
+
+def slowest_scale(trajectory: Trajectory, fastest: float, bound: float | None) -> float:
+    """Returns the scale at which the scan ends: above the bound, if there is one.
+
+    Args:
+        trajectory: the motion.
+        fastest: the scale at which the scan begins.
+        bound: scale above which all are safe; None: none is known.
+    """
+    ceiling = max(min(TUNING.slowest, LONGEST / trajectory.duration), 1.01 * fastest)
+    return min(max(1.05 * bound, 1.01 * fastest), ceiling) if bound else ceiling
 
 
 def _bound(model: Model, trajectory: Trajectory, limits: HeightLimits) -> float | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,6 +45,23 @@ class LiquidState:
             object.__setattr__(self, name, value)
 
 
+LiquidStates = LiquidState | Mapping[str, LiquidState]
+"""State of one container's liquid, or of each container's on a tray by its name."""
+
+
+def state_of(states: LiquidStates | None, container: str) -> LiquidState | None:
+    """Returns the state of the liquid in a container; None: it is at rest.
+
+    Raises:
+        SloshPlanError: the containers' states do not contain it.
+    """
+    if states is None or isinstance(states, LiquidState):
+        return states
+    if container not in states:
+        raise SloshPlanError(f"the state of the liquid in container {container!r} is not given")
+    return states[container]
+
+
 def begun(model: Model, modal: Array | None, t: float) -> State | None:
     """Returns a model's state at the start of a motion [s], or None at rest.
 
@@ -52,6 +70,8 @@ def begun(model: Model, modal: Array | None, t: float) -> State | None:
     """
     if modal is None:
         return None
-    if len(modal) != model.modes:
-        raise SloshPlanError(f"the liquid's state has {len(modal)} modes, the model {model.modes}")
+    if len(modal) != model.mode_count:
+        raise SloshPlanError(
+            f"the liquid's state has {len(modal)} modes, the model {model.mode_count}"
+        )
     return State(t, modal, np.zeros(4))

@@ -18,7 +18,8 @@ from slosh_plan.heights import usual_horizon
 from slosh_plan.limits import HeightLimits
 from slosh_plan.prediction import ModelError, Prediction, predict
 from slosh_plan.scaling import COUNT, SafeScales, safe_scales
-from slosh_plan.start import LiquidState
+from slosh_plan.standing_scales import standing_scales
+from slosh_plan.start import LiquidStates, begun, state_of
 from slosh_plan.trajectory import Trajectory
 
 L = TypeVar("L", bound=HeightLimits)
@@ -81,7 +82,7 @@ def predict_tray(
     trajectories: Sequence[Trajectory],
     *,
     limits: HeightLimits | None = None,
-    state: LiquidState | None = None,
+    state: LiquidStates | None = None,
     horizon: float | None = None,
     error: ModelError | None = None,
 ) -> list[TrayPrediction]:
@@ -91,7 +92,7 @@ def predict_tray(
         tray: the tray; each container is driven by the acceleration of its place.
         trajectories: candidates, of the tray's frame.
         limits: of all containers, beside their own limits and rims; None: nothing.
-        state: at the start, of one container; None: at rest.
+        state: of the liquid at the start, of each container by its name; None: at rest.
         horizon, error: as of `predict`.
 
     Raises:
@@ -104,7 +105,7 @@ def predict_tray(
             one.placed,
             trajectories,
             limits=limits_of(one, asked),
-            state=state,
+            state=state_of(state, one.name),
             horizon=horizon,
             error=error,
         )
@@ -114,7 +115,8 @@ def predict_tray(
     for place in range(len(trajectories)):
         containers = {name: answers[place] for name, answers in by_name.items()}
         worst = max(containers, key=lambda name: _use(containers[name]))
-        found.append(TrayPrediction(containers, worst, _standing(tray, trajectories[place])))
+        standing = _standing(tray, trajectories[place], state)
+        found.append(TrayPrediction(containers, worst, standing))
     return found
 
 
@@ -124,15 +126,22 @@ def check_present(tray: Tray) -> None:
         raise SloshPlanError("the tray is empty: no liquid to predict")
 
 
-def _standing(tray: Tray, motion: Trajectory) -> Mapping[str, StandingUse]:
+def _standing(
+    tray: Tray, motion: Trajectory, states: LiquidStates | None
+) -> Mapping[str, StandingUse]:
     """Returns the fractions of friction and support base that each loose container uses."""
-    return {
-        one.name: standing_use(
-            feeling(one.placed, attitude_of(motion)), one.standing,
-            motion.inputs(usual_horizon(one.model)), np.array(one.place),
-        )
-        for one in tray.present if one.standing is not None
-    }  # fmt: skip
+    found = {}
+    for one in tray.present:
+        if one.standing is None:
+            continue
+        own, inputs = state_of(states, one.name), motion.inputs(usual_horizon(one.model))
+        model = feeling(one.placed, attitude_of(motion))
+        modal = None if own is None else own.nonlinear
+        found[one.name] = standing_use(
+            model, one.standing, inputs, np.array(one.place),
+            begun(model, modal, float(inputs.t[0])),
+        )  # fmt: skip
+    return found
 
 
 def _use(found: Prediction) -> float:
@@ -149,12 +158,12 @@ def tray_scales(
     limits: HeightLimits,
     found: TrayPrediction,
     *,
-    state: LiquidState | None = None,
+    state: LiquidStates | None = None,
     horizon: float | None = None,
     count: int = COUNT,
     most: float = math.inf,
 ) -> SafeScales:
-    """Returns the time scales with which every container on the tray keeps its limits.
+    """Returns the time scales with which every container keeps its limits, and its place.
 
     Args:
         tray, motion, limits, state, horizon: as above.
@@ -164,11 +173,16 @@ def tray_scales(
     """
     each = [
         safe_scales(
-            one.placed, motion, limits_of(one, limits), state=state, horizon=horizon,
+            one.placed, motion, limits_of(one, limits), state=state_of(state, one.name),
+            horizon=horizon,
             margin=found.containers[one.name].margin, count=count,
             most=most / len(tray.present),
         )
         for one in tray.present
+    ]  # fmt: skip
+    each += [
+        standing_scales(one, one.standing, motion, most / len(tray.present))
+        for one in tray.present if one.standing is not None
     ]  # fmt: skip
     shared = each[0]
     for other in each[1:]:
@@ -185,7 +199,7 @@ def tray_scales(
 
 
 def _open(scales: SafeScales, slowest: float) -> list[tuple[float, float]]:
-    """Returns the safe intervals; one that reaches the slowest scale is extended."""
+    """Returns the safe intervals of time scales; extends one that ends at the slowest scale."""
     return [(a, slowest if b == scales.slowest else b) for a, b in scales.intervals]
 
 

@@ -56,9 +56,21 @@ class PlanTuning:
     search_rounds: int = number(8, "1", "how often a limit is lowered")
     ahead: float = number(0.004, "1", "part by which heights are lowered at first")
     slack: float = number(2e-4, "1", "part by which a limit is lowered beyond its excess")
-    most_liquids: int = number(4, "1", "models whose liquids are unknowns of one search")
-    # planning/robust.py
-    robust_rounds: int = number(10, "1", "plans that are tried for all likely parameters")
+    # planning/robust.py, planning/region_search.py
+    robust_rounds: int = number(24, "1", "searches that are tried for all likely parameters")
+    robust_laws: int = number(10, "1", "sets of models for which a known law is sought")
+    robust_liquids: int = number(4, "1", "likely models whose liquids are unknowns of a search")
+    robust_near: float = number(0.05, "1", "excess below which a limit is lowered")
+    robust_ahead: float = number(1e-3, "1", "part by which it is lowered beyond the excess")
+    robust_starts: tuple[float, ...] = number(
+        (1.0, 1.1), "1", "factors by which the start of a search is slower, tried in turn"
+    )
+    robust_adding: float = number(
+        0.5, "1", "part of that time after which limits are lowered, and no models added"
+    )
+    robust_ratio: float = number(1.003, "1", "ratio of two durations of a slowed motion")
+    robust_slowest: float = number(1.03, "1", "largest factor by which it is slowed")
+    robust_share: float = number(0.85, "1", "part of the time limit for all searches")
     apart: tuple[float, ...] = number(
         (0.8, 0.3, 0.0), "1", "least distances of scenarios by the region's radius, tried in turn"
     )
@@ -68,6 +80,7 @@ class PlanTuning:
     same_time: float = number(2e-5, "s", "time from a row at which a waypoint is that row")
     # scaling.py
     scales: int = number(1000, "1", "time scales that are tried")
+    standing_scales: int = number(200, "1", "time scales at which a loose container is looked at")
     slowest: float = number(10.0, "1", "slowest scale where the bound says nothing")
     scale_rounds: int = number(2, "1", "divisions of the bracket of an edge")
     scale_parts: int = number(16, "1", "parts of each division")

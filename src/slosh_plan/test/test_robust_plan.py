@@ -7,18 +7,21 @@ import pytest
 
 from slosh_model.covariance import covariance_of
 from slosh_model.parameters import parameter_value
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.tray import Tray, TrayContainer
 from slosh_plan import SloshPlanError
 from slosh_plan.planning import optimise
 from slosh_plan.planning.checked import heights_after
+from slosh_plan.planning.likely import likely_models
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import plan
-from slosh_plan.planning.plan_tray import plan_for
+from slosh_plan.planning.plan_tray import plan_container, plan_for
 from slosh_plan.planning.progress import Watch
-from slosh_plan.planning.robust import likely_models, plan_robust
+from slosh_plan.planning.robust import plan_robust
 
 NAMES = ("natural_frequency", "damping_ratio")
+RADIUS = 0.05
 LINE = path_through([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0]])
 LIMITS = PlanLimits(0.02, 0.002)
 
@@ -98,9 +101,27 @@ def test_the_planners_service_plans_robustly_for_one_container(doubtful):
     usual, _ = plan_for(tray, LINE, LIMITS, None, 0.0, 20.0, Watch())
     assert name == ""
     assert answer.found.motion.duration > usual.found.motion.duration
-    two = Tray((TrayContainer("a", model), TrayContainer("b", model)))
-    with pytest.raises(SloshPlanError, match="for one container, not for a tray"):
-        plan_for(two, LINE, LIMITS, None, 0.0, 20.0, Watch(), robust=True)
+
+
+@pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
+@pytest.mark.parametrize("radius", [RADIUS, pytest.param(0.03, marks=pytest.mark.long)])
+def test_a_tray_is_planned_robustly_for_all_its_containers(doubtful, radius):
+    model = doubtful()
+    other = replace(model, container=Cylinder(radius, 0.07))
+    tray = Tray((TrayContainer("a", model), TrayContainer("b", other)))
+    found = plan_container(tray, LINE, LIMITS, time_limit=40.0, robust=True)
+    assert found.likely is not None
+    for one in tray.containers:
+        unseen = likely_models(one.model, count=300, seed=4).models
+        peak, residual = highest(unseen, found.plan.found.motion)
+        assert peak <= 1.001 * LIMITS.height
+        assert residual <= 1.001 * LIMITS.residual
+
+
+def test_a_robust_plan_of_a_tray_needs_every_covariance(doubtful, cup):
+    tray = Tray((TrayContainer("a", doubtful()), TrayContainer("b", cup)))
+    with pytest.raises(SloshPlanError, match="container b: a robust plan needs the covariance"):
+        plan_container(tray, LINE, LIMITS, robust=True)
 
 
 def test_known_laws_are_robust_where_there_is_no_solver(doubtful, monkeypatch):

@@ -2,7 +2,7 @@
 
 import math
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -12,14 +12,16 @@ from geometry_msgs.msg import Transform
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
+from slosh_estimator.validity import EstimateFlag
 from slosh_model.model_text import format_model
 from slosh_model.tray import Tray, TrayContainer, format_tray, parse_tray
-from slosh_msgs.msg import ContainerChange, MotionPrediction, PlanRequest
+from slosh_msgs.msg import ContainerChange, MotionPrediction, PlanRequest, TrayEstimate
 from slosh_msgs.srv import PlanMotion, PredictSlosh
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
 from slosh_msgs_py.stamps import to_duration
-from slosh_plan import HeightLimits, Trajectory
+from slosh_plan import HeightLimits, LiquidState, Trajectory
+from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.planner_node import THREADS, PlannerNode
 from slosh_plan.nodes.predictor_node import PredictorNode
 from slosh_plan.tray import predict_tray, tray_scales
@@ -104,12 +106,6 @@ def test_the_predictor_answers_for_the_worst_container_and_names_it(cell: Cell) 
     )
 
 
-def test_a_tray_s_liquid_is_predicted_from_rest_alone(cell: Cell) -> None:
-    refused = ask(cell, from_estimate=True)
-    assert not refused.success
-    assert "of a tray only heights are published" in refused.message
-
-
 def planned(name: str = "cup", stroke: float = 0.3) -> MultiDOFJointTrajectory:
     made = MultiDOFJointTrajectory(joint_names=[name])
     made.header.frame_id = "world"
@@ -131,6 +127,104 @@ def test_a_planned_trajectory_is_predicted_for_the_worst_container(cell: Cell) -
     assert told[-1].limit == 0.012
     assert told[-1].description.startswith("worst container wide: the liquid will rise to")
     assert "predicted from rest" in told[-1].description
+
+
+def estimate(cell: Cell, **fields: Any) -> TrayEstimate:
+    """Returns what the estimator says of a tray whose second container's liquid moves."""
+    message = TrayEstimate(containers=["low", "wide"], modes=[1, 1], flags=[0, 0])
+    message.header.stamp = cell.node.get_clock().now().to_msg()
+    message.linear_modal = [0.0] * 4 + [0.001, 0.0, 0.0, 0.02]
+    message.modal = [0.0] * 4 + [0.0, 0.002, 0.03, 0.0]
+    for name, value in fields.items():
+        setattr(message, name, value)
+    return message
+
+
+def newest(read: NewestEstimate) -> Any:
+    """Returns the stamp of the newest estimate of a tray that a node has taken."""
+    message = read._newest(read._trays, TrayEstimate)
+    return None if message is None else message.header.stamp
+
+
+@pytest.fixture
+def tell(cell: Cell) -> Iterator[Callable[..., None]]:
+    """Publishes an estimate of the tray, and waits until both nodes have it."""
+    publisher = cell.publisher(TrayEstimate, topics.TRAY_ESTIMATE, qos.STREAM_OUT)
+    cell.until(lambda: publisher.get_subscription_count() == 2, "two readers")
+
+    def publish(**fields: Any) -> None:
+        message = estimate(cell, **fields)
+        publisher.publish(message)
+        for node in (cell.predictor, cell.planner):
+            read = node._estimate
+            cell.until(lambda read=read: newest(read) == message.header.stamp, "the state")
+
+    yield publish
+    cell.node.destroy_publisher(publisher)
+
+
+def test_a_trays_liquid_is_predicted_from_its_state_now(
+    cell: Cell, tell: Callable[..., None]
+) -> None:
+    at_rest = ask(cell)
+    tell()
+    live = ask(cell, from_estimate=True)
+    assert live.success, live.message
+    states = {
+        "low": LiquidState(np.zeros((1, 4)), np.zeros((1, 4))),
+        "wide": LiquidState([[0.001, 0.0, 0.0, 0.02]], [[0.0, 0.002, 0.03, 0.0]]),
+    }
+    (found,) = predict_tray(TRAY, [push()], limits=HeightLimits(), state=states)
+    assert live.peak_nonlinear == found.containers["wide"].nonlinear.peak
+    assert live.peak_nonlinear > 1.01 * at_rest.peak_nonlinear
+    told = cell.listen(MotionPrediction, topics.PREDICTION, qos.EVENT)
+    tell()
+    cell.publisher(MultiDOFJointTrajectory, topics.PLANNED_TRAJECTORY).publish(planned())
+    cell.until(lambda: bool(told) and told[-1].from_estimate, "the prediction")
+
+
+@pytest.mark.parametrize(
+    ("fields", "why"),
+    [
+        ({"flags": [0, int(EstimateFlag.SETTLING)]}, "container wide: the estimate's flags"),
+        ({"containers": ["low", "top"]}, "is of the containers low, top, not of low, wide"),
+        ({"modes": [1, 2]}, "has not one state for each container"),
+        ({"modes": [2, 0]}, "the liquid's state has 2 modes, the model 1"),
+        ({"modal": [0.0] * 7 + [math.nan]}, "must be finite numbers"),
+        ({"modal": [0.0] * 4 + [0.05, 0.0, 0.0, 0.0]}, "before the motion begins"),
+    ],
+)
+def test_a_state_that_is_none_of_the_tray_s_is_refused(
+    cell: Cell, tell: Callable[..., None], fields: dict[str, Any], why: str
+) -> None:
+    tell(**fields)
+    answer = ask(cell, from_estimate=True)
+    assert not answer.success
+    assert why in answer.message
+    assert "\n" not in answer.message
+
+
+@pytest.mark.long
+def test_a_plan_of_a_tray_is_checked_from_the_liquids_state(
+    cell: Cell, tell: Callable[..., None]
+) -> None:
+    """A still liquid does, one that moves is refused by the container's name."""
+    request = PlanRequest(limit=0.03, residual_limit=0.01, time_limit=2.0, from_estimate=True)
+    request.trajectory = planned()
+    modal = [0.0] * 8
+    publisher = cell.publisher(TrayEstimate, topics.TRAY_ESTIMATE, qos.STREAM_OUT)
+    timer = cell.node.create_timer(
+        0.02, lambda: publisher.publish(estimate(cell, linear_modal=modal, modal=modal))
+    )
+    tell(linear_modal=modal, modal=modal)
+    kept = cell.call(PlanMotion, topics.PLAN, PlanMotion.Request(request=request))
+    assert kept.success, kept.message
+    modal = [0.0] * 4 + [0.0008, 0.0, 0.0, 0.0]
+    tell(linear_modal=modal, modal=modal)
+    refused = cell.call(PlanMotion, topics.PLAN, PlanMotion.Request(request=request))
+    assert not refused.success
+    assert refused.message.startswith("container wide: the liquid moves: from its state now")
+    cell.node.destroy_timer(timer)
 
 
 @pytest.mark.long

@@ -1,6 +1,7 @@
 """Tests motions of a tray: the worst container, and plans that all containers keep."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from slosh_plan.planning.checked import LooseContainer
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import NoSafeMotionError, plan
-from slosh_plan.planning.plan_tray import plan_tray
+from slosh_plan.planning.plan_tray import TrayPlan, plan_tray
 from slosh_plan.tray import limits_of, predict_tray, tray_scales
 
 T = np.arange(0.0, 2.0, 2e-3)
@@ -130,7 +131,7 @@ def test_all_containers_keep_the_plan():
 
     def make(one, kept):
         made.append(one.name)
-        return plan(one.placed, path, kept, time_limit=5.0)
+        return TrayPlan(plan(one.placed, path, kept, time_limit=5.0), one)
 
     found = plan_tray(tray, limits, make)
     assert made[0] == "narrow"
@@ -147,6 +148,29 @@ def test_all_containers_keep_the_plan():
 STANDING = Standing(mass=0.15, centre_height=0.05, base_radius=0.03, friction=0.2)
 
 
+@pytest.mark.parametrize("friction", [0.15, 0.6])
+def test_safe_time_scales_count_sliding_and_tipping(friction):
+    """Tests the scales at which a loose cup slides or tips, though its liquid stays low."""
+    model = Model(Cylinder(0.04, 0.06)).spatial()
+    standing = replace(STANDING, base_radius=0.02, friction=friction)
+    tray = Tray((TrayContainer("loose", model, standing=standing),))
+    limits, motion = HeightLimits(0.03), push(4.0)
+
+    def use(scale):
+        return predict_tray(tray, [motion.scaled(scale)], limits=limits)[0].standing["loose"]
+
+    (found,) = predict_tray(tray, [motion], limits=limits)
+    shared = tray_scales(tray, motion, limits, found)
+    assert shared.safe_from > safe_scales(model, motion, limits).safe_from
+    assert shared.proven
+    assert use(shared.safe_from).stands
+    before = use(0.99 * shared.safe_from)
+    assert not before.stands
+    assert before.words == ("slides" if friction < 0.5 else "tips")
+    slower = np.geomspace(shared.safe_from, 2.0 * shared.slowest, 20)
+    assert all(use(float(scale)).stands for scale in slower)
+
+
 def test_a_container_that_stands_loosely_is_not_lost():
     """Tests that the plan of a tray keeps a loose container from sliding."""
     model = Model(Cylinder(0.04, 0.06)).spatial()
@@ -156,7 +180,8 @@ def test_a_container_that_stands_loosely_is_not_lost():
     path = path_through(np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]]))
 
     def make(one, kept):
-        return plan(one.placed, path, kept, time_limit=5.0, loose=LooseContainer.of(one))
+        loose = LooseContainer.of(one)
+        return TrayPlan(plan(one.placed, path, kept, time_limit=5.0, loose=loose), one)
 
     def motion_of(answer):
         return Trajectory(answer.found.motion.t, answer.found.motion.acceleration)
@@ -178,4 +203,4 @@ def test_where_no_plan_keeps_all_that_is_said():
     path = path_through(np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]]))
     careless = plan(tray.first.model, path, PlanLimits(0.02, 0.01), time_limit=2.0)
     with pytest.raises(NoSafeMotionError, match=r"none of 8 plans .*: a exceeds its own by"):
-        plan_tray(tray, PlanLimits(0.02, 0.01), lambda one, kept: careless)
+        plan_tray(tray, PlanLimits(0.02, 0.01), lambda one, _: TrayPlan(careless, one))

@@ -82,7 +82,7 @@ def in_force_lines(starts: Starts) -> list[str]:
 
 
 def described(model: Model) -> str:
-    """Describes a model in one line."""
+    """Describes a model's container and modelled effects in one line."""
     effects = ", ".join(use.name for use in model.effects) or "no effects"
     return f"{model.container.described}; {effects}"
 

@@ -81,7 +81,7 @@ class _Copy:
         self._latched: list[BagMessage] = []
 
     def run(self) -> None:
-        """Writes all new bags."""
+        """Writes the new bags, one for each part of the recording."""
         messages = iter(self._reader.messages())
         waiting = next(messages, None)
         for folder, end in zip(self._folders, [*self._cuts, None], strict=True):

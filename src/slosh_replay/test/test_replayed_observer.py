@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from slosh_bag import definitions
 from slosh_estimator.observer.calm import CalmWatch, calm_fields
 from slosh_estimator.observer.observer import Observer
 from slosh_estimator.observer.states import told_fields
@@ -123,6 +124,36 @@ def test_with_a_sensor_beside_the_camera_too(bag, cut):
     found = replay_bag(written).verified[FUSED]
     assert found.exact, found.lines()
     assert found.recorded > 250
+
+
+LATER = {"sensed_taken", "sensed", "sensed_stamp"}
+
+
+class OldBag(ObservedBag):
+    """A recording of a version that knew no sensors beside the camera."""
+
+    def _put(self, *where, **fields):
+        super()._put(*where, **{name: one for name, one in fields.items() if name not in LATER})
+
+
+@pytest.mark.parametrize("cut", [0.0, 1.7])
+def test_messages_of_an_older_version_are_read_with_a_note(bag, monkeypatch, tmp_path, cut):
+    def read(name):
+        found = now(name)
+        for constants, fields in found.values():
+            fields[:] = [field for field in fields if field[0] not in LATER]
+            assert constants is not None
+        return found
+
+    now = definitions._read
+    monkeypatch.setattr(definitions, "_read", read)
+    bag = OldBag(cut=cut).write(tmp_path / "old")
+    monkeypatch.undo()
+    result = replay_bag(bag)
+    found = result.verified[FUSED]
+    assert found.exact, found.lines()
+    assert found.recorded > 250
+    assert any("without sensed_taken, taken as 0" in line for line in result.warnings)
 
 
 def test_a_wrong_one_fails(bag):

@@ -4,4 +4,4 @@ from __future__ import annotations
 
 
 class SloshReportError(ValueError):
-    """Error of data that cannot be compared or shown on a page; the message is one line."""
+    """Error of data that cannot be compared or shown in a report; the message is one line."""

@@ -348,10 +348,19 @@ class LiveBag:
         told = self._of_tray
         if told is None:
             return
+        linear = [one.linear for one in told.each]
         self._put(
             "tray_estimate", stamp, log_ns, containers=list(self.tray.names),
             msh=np.array(told.msh), azimuth=np.array(told.azimuth),
             flags=np.array(told.flags, np.uint16), worst=told.worst,
+            linear_msh=np.array([one.msh for one in linear]),
+            linear_reading=np.array([one.reading for one in linear]),
+            reading=np.array([one.nonlinear.reading for one in told.each]),
+            delay=np.array(told.delays),
+            modes=np.array([len(one.modal) // 4 for one in linear], np.uint8),
+            linear_modal=np.concatenate([one.modal for one in linear]),
+            modal=np.concatenate([one.nonlinear.modal for one in told.each]),
+            acceleration=np.array(told.each[0].sample[1:4]),
         )  # fmt: skip
 
     def _state(self, estimator: Estimator, source, stamp: int) -> None:

@@ -16,7 +16,7 @@ _WORD = 8
 
 
 class Socket(NamedTuple):
-    """A socket with its table (tcp, udp6, …), local address and port."""
+    """An open socket of this machine: protocol (such as tcp or udp6), local address and port."""
 
     table: str
     address: ipaddress.IPv4Address | ipaddress.IPv6Address

@@ -60,12 +60,12 @@ def at(document: Any, path: str) -> Any:
 
 
 def on_paper(page: str) -> str:
-    """Returns a page whose print style is shown on the screen, as wide as A4 paper."""
+    """Returns an HTML page whose print style is shown on the screen, as wide as A4 paper."""
     return page.replace("@media print", "@media all").replace("(max-width: 44rem)", "print")
 
 
 def check_numbers(seen: Mapping[str, Any], document: Any) -> None:
-    """Checks that each number of a page equals the document's number in value and type."""
+    """Checks that each number of an HTML page equals the JSON document's in value and type."""
     for path, value, _ in seen["numbers"]:
         there = at(document, path)
         assert type(there) is type(json.loads(value)), path

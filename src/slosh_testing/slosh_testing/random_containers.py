@@ -117,6 +117,64 @@ def _tray(rng: np.random.Generator) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def _trough(rng: np.random.Generator) -> dict[str, Any]:
+    """Returns a trough whose section is a random polygon, symmetric about its middle."""
+    count = int(rng.integers(2, 6))
+    right = np.column_stack((
+        rng.uniform(0.03, 0.08, count), np.cumsum(rng.uniform(0.008, 0.03, count))
+    ))  # fmt: skip
+    right = np.vstack(([[0.5 * right[0, 0], 0.0]], right))
+    points = np.vstack((right[::-1] * (-1.0, 1.0), right))
+    return _long(rng) | {
+        "shape": "trough", "profile": _rounded(points),
+        # Not at a corner, where a surface would have two slopes.
+        "fill_height": round(float(right[-2:, 1] @ (0.4, 0.6)), 5),
+    }  # fmt: skip
+
+
+def _lying(rng: np.random.Generator) -> dict[str, Any]:
+    radius = round(float(rng.uniform(0.03, 0.1)), 4)
+    fill = round(radius * float(rng.uniform(0.2, 1.8)), 5)
+    return _long(rng) | {"shape": "lying_cylinder", "radius": radius, "fill_height": fill}
+
+
+def _wedge(rng: np.random.Generator) -> dict[str, Any]:
+    high = round(float(rng.uniform(0.05, 0.15)), 4)
+    return _long(rng) | {
+        "shape": "wedge", "top_width": round(high * float(rng.uniform(0.5, 4.0)), 4),
+        "height": high, "fill_height": round(high * float(rng.uniform(0.3, 0.9)), 5),
+    }  # fmt: skip
+
+
+def _long(rng: np.random.Generator) -> dict[str, Any]:
+    return {"length": round(float(rng.uniform(0.06, 0.4)), 4)}
+
+
+def _trough_askew(rng: np.random.Generator) -> dict[str, Any]:
+    trough = _trough(rng)
+    (y, z), *rest = trough["profile"]
+    return trough | {"profile": [[y - 0.02, z], *rest]}
+
+
+def _trough_closed(rng: np.random.Generator) -> dict[str, Any]:
+    trough = _trough(rng)
+    points = trough["profile"]
+    return trough | {"profile": [*points, points[0]]}
+
+
+def _trough_crossed(rng: np.random.Generator) -> dict[str, Any]:
+    trough = _trough(rng)
+    points = trough["profile"]
+    middle = len(points) // 2
+    points[middle - 1], points[middle] = points[middle], points[middle - 1]
+    return trough
+
+
+def _trough_in_millimetres(rng: np.random.Generator) -> dict[str, Any]:
+    trough = _trough(rng)
+    return trough | {"profile": [[1e3 * y, 1e3 * z] for y, z in trough["profile"]]}
+
+
 def _overfilled(rng: np.random.Generator) -> dict[str, Any]:
     bowl = _bowl(rng)
     return bowl | {"fill_height": 1.5 * max(z for _, z in bowl["profile"])}
@@ -154,11 +212,14 @@ def _askew(rng: np.random.Generator) -> dict[str, Any]:
 
 KINDS: Mapping[str, Draw] = {
     "bowl": _bowl, "bulb": _bulb, "narrow neck": _narrow_neck, "core": _core, "steps": _steps,
-    "cone": _cone, "polygon": _polygon, "tray": _tray,
+    "cone": _cone, "polygon": _polygon, "tray": _tray, "trough": _trough,
+    "trough, round": _lying, "wedge": _wedge,
 }  # fmt: skip
 """Kinds of containers that are possible."""
 IMPOSSIBLE: Mapping[str, Draw] = {
     "overfilled": _overfilled, "millimetres": _in_millimetres, "open floor": _open_floor,
     "negative radius": _negative_radius, "crossed": _crossed, "askew": _askew,
+    "trough, askew": _trough_askew, "trough, closed": _trough_closed,
+    "trough, crossed": _trough_crossed, "trough, in millimetres": _trough_in_millimetres,
 }  # fmt: skip
 """Kinds that are refused in one line."""

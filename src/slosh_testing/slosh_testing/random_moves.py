@@ -113,7 +113,7 @@ class HighestWaves(NamedTuple):
 
 
 def heights(estimates: Estimates, move: Move) -> HighestWaves:
-    """Returns the highest waves in the estimates of a motion."""
+    """Returns the largest heights [m] during and after a motion, and the estimates' flags."""
     msh = estimates.heights[:, 1, 0]
     behind = estimates.stamps > (move.end + 0.1) * 1e9
     flags = int(np.bitwise_or.reduce(estimates.flags))

@@ -38,7 +38,7 @@ def rows(seed):
 
 
 def full_report():
-    """Returns a report with content in every part of the page."""
+    """Returns a report with content in every part of its HTML page."""
     measured = 0.0213 * np.sin(0.7 * T) ** 2
     estimated = AzimuthSeries("3D-NL", T, np.angle(np.exp(0.9j * T)), 0.98 * measured)
     return RunReport(

@@ -1,4 +1,4 @@
-"""A sample of the study through the whole camera: rendered from the side, measured, compared."""
+"""Measures one experiment of the TM20 study with the whole camera: rendered side views."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ EVERY = 25
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """What the camera made of an experiment, frame by frame.
+    """Camera results of an experiment by frame: line slopes and height errors.
 
     Attributes:
         slopes: (N, 2) θ of the line by the true profile and by the measured one.

@@ -1,4 +1,4 @@
-"""The experiments of TM20, and what its tables say of them (Tables 2 to 5)."""
+"""The experiments of TM20, and the results in its Tables 2 to 5."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PLACES = 81
 
 @dataclass(frozen=True, slots=True)
 class Published:
-    """What TM20 states of a geometry.
+    """TM20's published results for one container.
 
     Attributes:
         damping_ratio, natural_frequency: MOSM, M1 (Table 4) [1, rad/s].
@@ -40,7 +40,7 @@ class Published:
 
 @dataclass(frozen=True, slots=True)
 class Geometry:
-    """A container of the study.
+    """A rectangular container of the study, with TM20's results.
 
     Attributes:
         number: of the paper.
@@ -71,7 +71,7 @@ GEOMETRIES = tuple(
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """A motion law and how often each experiment with it is repeated."""
+    """A motion law, and how often each experiment with it is repeated."""
 
     law: str
     repetitions: int

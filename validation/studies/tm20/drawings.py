@@ -1,4 +1,4 @@
-"""The study's figures, after TM20's Figures 7, 9, 11 and 12."""
+"""Draws the study's figures like TM20's Figures 7, 9, 11 and 12."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SPEED = "operating speed n [1/min]"
 
 
 def draw_all(study: Study) -> dict[str, str]:
-    """SVG texts by file name."""
+    """Returns all figures as SVG texts by file name."""
     return {
         "study_line_error.svg": _drawn((9.0, 5.2), 6, 3, lambda axes: _line_errors(study, axes)),
         "study_seoe.svg": _drawn((9.0, 3.4), 2, 2, lambda axes: _standard_errors(study, axes)),

@@ -1,4 +1,4 @@
-"""What the study's measurements say: limits of the straight line, models, residual vibration."""
+"""Evaluates the study: limits of the straight line, models and residual vibration."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _RATE = 1000.0  # Hz, of a motion's acceleration
 
 @dataclass(frozen=True, slots=True)
 class Validity:
-    """Line errors of a geometry by speed.
+    """Deviation of the surface from a straight line by speed, for one container.
 
     Attributes:
         speeds: (N,) [1/min].
@@ -48,7 +48,7 @@ class Validity:
 
 
 def validity(series: Sequence[Measured]) -> Validity:
-    """From one geometry's experiments, slowest first."""
+    """Evaluates the deviation from a straight line for one container's experiments."""
     mean = np.array([math.nan if one.broke else one.errors.mean() for one in series])
     spread = np.array([math.nan if one.broke else one.errors.std(ddof=1) for one in series])
     speeds = tuple(one.experiment.speed for one in series)
@@ -58,7 +58,7 @@ def validity(series: Sequence[Measured]) -> Validity:
 
 @dataclass(frozen=True, slots=True)
 class Fits:
-    """Models of one form (M1 or M2) of a geometry.
+    """Identified models of one form (M1 or M2) for one container.
 
     Attributes:
         overall: MOSM.
@@ -73,7 +73,7 @@ class Fits:
 
 
 def fits(series: Sequence[Measured], names: Sequence[str]) -> Fits:
-    """Identifies a geometry's models from its valid experiments.
+    """Identifies a container's models from its valid experiments.
 
     All repetitions of an experiment have the same motion: their mean tells of the model what they
     tell together.
@@ -94,12 +94,12 @@ def fits(series: Sequence[Measured], names: Sequence[str]) -> Fits:
 
 
 def base_model(geometry: Geometry) -> Model:
-    """M1 with the frequency of eq. (20) and a damping that nobody measured."""
+    """Returns model M1 with the frequency of TM20's eq. (20) and an assumed damping."""
     return Model(Rectangle(geometry.width, DEPTH, FILL_HEIGHT), damping_ratio=0.03)
 
 
 def inputs_of(measured: Measured) -> Inputs:
-    """The motion of an experiment."""
+    """Returns the container's motion in an experiment as simulation input."""
     cycle = measured.experiment.cycle
     t = np.arange(0.0, cycle.cycle_time + 0.5 / _RATE, 1.0 / _RATE)
     t[-1] = min(t[-1], cycle.cycle_time)
@@ -110,7 +110,7 @@ def inputs_of(measured: Measured) -> Inputs:
 
 
 def mean_motion(measured: Measured) -> MeasuredMotion:
-    """An experiment's mean over the repetitions, as heights at both walls."""
+    """Returns an experiment's mean over repetitions as heights at both walls."""
     half = 0.5 * geometry_of(measured.experiment).width
     wall = half * measured.slopes.mean(axis=0)
     inputs = inputs_of(measured)
@@ -122,7 +122,7 @@ def mean_motion(measured: Measured) -> MeasuredMotion:
 
 
 def simulated_slopes(measured: Measured, model: Model) -> Array:
-    """(FRAMES,) θ that a model predicts for an experiment."""
+    """Returns the surface slopes θ (FRAMES,) that a model predicts for an experiment."""
     inputs = inputs_of(measured)
     times = np.minimum(measured.experiment.times, inputs.t[-1])
     heights = predicted_heights(model, inputs, times, SIDES)
@@ -131,14 +131,14 @@ def simulated_slopes(measured: Measured, model: Model) -> Array:
 
 
 def standard_error(measured: Measured, model: Model) -> float:
-    """SEOE: of θ over all repetitions [rad] (TM20, (16))."""
+    """Returns the standard error SEOE of θ over all repetitions [rad] (TM20, eq. (16))."""
     missed = measured.slopes - simulated_slopes(measured, model)
     return float(np.sqrt(np.mean(missed**2)))
 
 
 @dataclass(frozen=True, slots=True)
 class Residual:
-    """Residual vibration of one experiment [m] (TM20, (17) to (19)).
+    """Residual vibration of one experiment [m] (TM20, eqs. (17) to (19)).
 
     Attributes:
         measured, line, simulated: η_eff by the profiles, their lines and the model.
@@ -153,7 +153,7 @@ class Residual:
 
 
 def residual(measured: Measured, model: Model) -> Residual:
-    """Of an experiment, and of a model's answer to it."""
+    """Computes the residual vibration of an experiment, measured and by a model."""
     t, x = measured.dwell_times, places(geometry_of(measured.experiment))
     lines = np.array([line_slopes(x, each) for each in measured.dwell])
     theta = simulated_slopes(measured, model)[-len(t) :]
@@ -172,7 +172,7 @@ def residual(measured: Measured, model: Model) -> Residual:
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """What the study says of one geometry.
+    """The study's results for one container.
 
     Attributes:
         validity: limits of the straight line.
@@ -190,7 +190,7 @@ class Findings:
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """All of it.
+    """All results of the study.
 
     Attributes:
         findings: by the geometry's number.

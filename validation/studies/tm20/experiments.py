@@ -1,4 +1,4 @@
-"""One experiment of the study: a tank is conveyed, its surface is computed and measured.
+"""Simulates one experiment of the study: a moved tank, its surface and measured profiles.
 
 The truth is potential flow to the third order. It varies from
 repetition to repetition as a real series does: how full the container is, how strongly it damps,
@@ -38,7 +38,7 @@ LEFT_OVER = 0.1e-3  # m, of the first mode at a cycle's start
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Errors of a measured profile, standard deviations.
+    """Standard deviations of a measured profile's errors.
 
     Attributes:
         point: of each point by itself [m].
@@ -59,7 +59,7 @@ NO_NOISE = Noise(0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """A geometry at a speed, repeated.
+    """A container moved at one speed, with several repetitions.
 
     Attributes:
         geometry: its number.
@@ -79,7 +79,7 @@ class Experiment:
 
     @property
     def file(self) -> Path:
-        """Where the result is: what was computed with other settings has another name."""
+        """Path of the result; its name depends on all settings."""
         truth = (ORDER, MODES, TENSION, STEPS, FILL_SCATTER, DAMPING_SCATTER, LEFT_OVER)
         settings = (replace(self, folder=Path()), truth, FRAMES, PLACES, geometry_of(self))
         digest = zlib.crc32(repr(settings).encode())
@@ -87,18 +87,18 @@ class Experiment:
 
     @property
     def cycle(self) -> Cycle:
-        """The motion."""
+        """The machine cycle of the experiment's motion."""
         return Cycle(self.law, self.speed, STROKE, RATIO)
 
     @property
     def times(self) -> Array:
-        """(FRAMES,) of the images [s]."""
+        """Times (FRAMES,) of the images [s]."""
         return np.linspace(0.0, self.cycle.cycle_time, FRAMES)
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """What an experiment gave, K repetitions.
+    """Measured profiles of an experiment's K repetitions, as slopes and line errors.
 
     Attributes:
         experiment: it.
@@ -115,28 +115,28 @@ class Measured:
 
     @property
     def broke(self) -> bool:
-        """Whether the wave broke."""
+        """Whether the wave broke in most repetitions."""
         return not self.slopes.size
 
     @property
     def dwell_times(self) -> Array:
-        """(D,) [s]."""
+        """Times (D,) of the images during the dwell [s]."""
         times = self.experiment.times
         return times[times >= self.experiment.cycle.motion_time]
 
 
 def geometry_of(experiment: Experiment) -> Geometry:
-    """The container."""
+    """Returns the container of an experiment."""
     return GEOMETRIES[experiment.geometry - 1]
 
 
 def places(geometry: Geometry) -> Array:
-    """(PLACES,) of a profile, from the container's middle [m]."""
+    """Returns the positions (PLACES,) of a profile's points from the middle [m]."""
     return np.linspace(-0.5, 0.5, PLACES) * geometry.width
 
 
 def true_amplitudes(experiment: Experiment, rng: np.random.Generator) -> Array:
-    """(FRAMES, K, MODES) of the surface's modes [m]; NaN from where a wave breaks."""
+    """Simulates the modal amplitudes (FRAMES, K, MODES) [m]; NaN after a wave breaks."""
     count = experiment.repetitions
     geometry = geometry_of(experiment)
     tanks = Tanks.of(
@@ -158,7 +158,7 @@ def true_amplitudes(experiment: Experiment, rng: np.random.Generator) -> Array:
 
 
 def measure(experiment: Experiment) -> Path:
-    """Carries out an experiment, unless its result is there already; returns the file."""
+    """Runs an experiment unless its result exists; returns the result's file."""
     if experiment.file.exists():
         return experiment.file
     rng = np.random.default_rng([experiment.geometry, experiment.speed, len(experiment.law)])
@@ -190,7 +190,7 @@ def _columns(
 
 
 def read(experiment: Experiment) -> Measured:
-    """What `measure` has written."""
+    """Reads the result of an experiment."""
     with np.load(experiment.file) as columns:
         return Measured(
             experiment,

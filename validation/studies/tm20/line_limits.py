@@ -1,4 +1,4 @@
-"""What bends the surface: n_max of all geometries by other truths and by other motion laws.
+"""Finds the speed limit n_max of a straight surface for other theories and motion laws.
 
 One repetition without noise or scatter; what remains is the theory's own.
 """
@@ -33,7 +33,7 @@ SLOWEST = 30
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """How the surface is computed.
+    """Theory by which the surface is computed, and the motion law.
 
     Attributes:
         name: in words.
@@ -65,7 +65,7 @@ TRUTHS = (
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Of one truth.
+    """Speed limits of all containers for one theory.
 
     Attributes:
         truth: it.
@@ -79,7 +79,7 @@ class Limits:
 
 
 def limits(truth: Truth) -> Limits:
-    """n_max of all geometries."""
+    """Computes the speed limits n_max of all containers for one theory."""
     fastest, errors = [], []
     for geometry in GEOMETRIES:
         by_speed = {n: line_error(truth, geometry, n) for n in SPEEDS if n >= SLOWEST}
@@ -90,7 +90,7 @@ def limits(truth: Truth) -> Limits:
 
 
 def line_error(truth: Truth, geometry: Geometry, speed: int) -> float:
-    """ε̄ [m]; NaN: the wave breaks."""
+    """Returns the surface's mean deviation ε̄ from a straight line [m]; NaN if it breaks."""
     cycle = Cycle(truth.law, speed, STROKE, RATIO)
     count = round(FRAMES * RATIO)
     times = np.linspace(0.0, cycle.motion_time, 2 * count - 1)

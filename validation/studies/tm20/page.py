@@ -1,4 +1,4 @@
-"""The study's page: TM20's tables beside ours."""
+"""Formats the study's page, with TM20's tables beside ours."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ because the measured frequencies do not show the increase of 0.6 to 2.3 % that i
 
 
 def page(study: Study, images: str) -> str:
-    """The page.
+    """Returns the study's page as Markdown.
 
     Args:
         study: what was found.

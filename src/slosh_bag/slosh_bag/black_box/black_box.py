@@ -128,6 +128,7 @@ class BlackBox:
         events: that were told.
         bags: that were begun.
         missed: events of which no bag could be begun while they were in memory.
+        continued: bags that go on for an event behind a bag that was full.
         failure: why no bag can be begun now; empty: one can.
     """
 
@@ -147,7 +148,7 @@ class BlackBox:
         self._pending: list[tuple[int, Happening]] = []
         self._now_ns = self._retry_ns = 0
         self._log_ns: int | None = None
-        self.events = self.bags = self.missed = 0
+        self.events = self.bags = self.missed = self.continued = 0
         self.failure = ""
 
     @property
@@ -278,6 +279,7 @@ class BlackBox:
         """Ends a bag that has reached its maximum size and continues in another one."""
         *_, last = full.happenings
         until_ns = full.until_ns
+        self.continued += 1
         self._end()
         try:
             bag = self._start(self._begin(last))

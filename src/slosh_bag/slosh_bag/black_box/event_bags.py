@@ -17,6 +17,7 @@ from slosh_bag.bag_writer import Qos
 from slosh_bag.black_box.black_box import EVENTS, BlackBox, Cause, Happening, Windows
 from slosh_bag.black_box.ring import Place
 from slosh_bag.errors import SloshBagError
+from slosh_bag.held_folder import HeldFolder
 from slosh_bag.mcap_files.bag_metadata import NAME
 from slosh_bag.recorder import Recorder, RecorderStatus, free_space
 from slosh_base.files.errors import SloshFileError
@@ -118,12 +119,14 @@ class EventRecorder:
         self._folder, self._per_cause, self._quota = folder, per_cause, quota
         self._clock, self._free = clock, free
         self._kept = _found(folder)
-        self._number = max((_number(bag.folder) for bag in self._kept), default=0)
+        self._held = HeldFolder(folder)
+        self._number = max(map(_number, _named(folder)), default=0)
         self._open: list[_OpenBag] = []  # the last one may be open, the others are being finished
         self._refused: dict[str, str] = {}
         self._heard: Counter[str] = Counter()
         self._missed: Mapping[str, int] = {}
-        self._unkept = self._interruptions = 0
+        self._unkept = self._interruptions = self._lost_meanwhile = 0
+        self._is_bounded = windows.longest > 2 * quota // SHARE
         self._failed_at = 0.0
         bounded = replace(
             windows,
@@ -132,6 +135,17 @@ class EventRecorder:
         )
         self.box = BlackBox(bounded, self._begin, place)
         self._tidy()
+
+    @property
+    def shortage(self) -> str:
+        """Tells in one line that the quota is too small for an event; empty if it is not."""
+        if not (self._is_bounded and self.box.continued):
+            return ""
+        return (
+            f"an event is larger than half of event_quota, {5e-7 * self._quota:.3g} MB, and is "
+            "split into bags, of which only the last are kept: raise event_quota, or shorten "
+            "event_before and event_after"
+        )
 
     @property
     def path(self) -> Path:
@@ -189,7 +203,7 @@ class EventRecorder:
             failure=failure,
             since=now - self._failed_at if failure else 0.0,
             interruptions=self._interruptions + sum(state.interruptions for state in states),
-            lost_meanwhile=sum(state.lost_meanwhile for state in states),
+            lost_meanwhile=self._lost_meanwhile + sum(state.lost_meanwhile for state in states),
             missed=sum(self._missed.values()),
         )
 
@@ -200,6 +214,7 @@ class EventRecorder:
             if bag.closing is not None:
                 bag.closing.join()
         self._collect()
+        self._held.release()
 
     def _begin(self, happening: Happening) -> _OpenBag:
         folder = self._folder / f"{self._number + 1:04d}_{happening.cause}"
@@ -218,8 +233,14 @@ class EventRecorder:
         for bag in done:
             state = bag.recorder.status()
             self._unkept += state.unkept
-            self._interruptions += state.interruptions
+            self._lost_meanwhile += state.lost_meanwhile
+            # One that lasted until the end of the bag is over with it.
+            self._interruptions += state.interruptions + bool(state.failure)
             self._refused |= state.refused
+            if not _holds_data(bag.folder):  # the disk was full: it must not displace others
+                shutil.rmtree(bag.folder, ignore_errors=True)
+                self.box.missed += 1
+                continue
             self._kept.append(KeptBag(bag.folder, frozenset(bag.causes), _size(bag.folder)))
         self._kept.sort(key=lambda bag: _number(bag.folder))
         self._tidy()
@@ -252,11 +273,25 @@ def _found(folder: Path) -> list[KeptBag]:
 
 
 def event_bags(folder: Path) -> list[Path]:
-    """Returns the event bags in a folder, oldest first, except renamed ones."""
+    """Returns the event bags in a folder, oldest first, except renamed and empty ones."""
+    return sorted(filter(_holds_data, _named(folder)), key=_number)
+
+
+def _named(folder: Path) -> list[Path]:
+    """Returns the folders that have an event bag's name."""
     if not folder.is_dir():
         return []
-    bags = [entry for entry in folder.iterdir() if entry.is_dir() and _NAME.fullmatch(entry.name)]
-    return sorted(bags, key=_number)
+    return [one for one in folder.iterdir() if one.is_dir() and has_event_name(one)]
+
+
+def has_event_name(folder: Path) -> bool:
+    """Returns whether a folder is named as an event bag, such as 0012_limit."""
+    return _NAME.fullmatch(folder.name) is not None
+
+
+def _holds_data(bag: Path) -> bool:
+    """Returns whether there is a file of messages in a bag's folder."""
+    return any(bag.glob("*.mcap"))
 
 
 def _number(bag: Path) -> int:

@@ -64,6 +64,7 @@ def findings(
     silent: bool,
     shared: Collection[str] = (),
     other_types: Mapping[str, str] | None = None,
+    shortage: str = "",
 ) -> Health:
     """Returns the worst diagnostic level of the recorder and a line with all problems.
 
@@ -75,8 +76,9 @@ def findings(
         silent: whether no message has been written since the last report.
         shared: topics of one node on which several have spoken since the last report.
         other_types: in which other type a topic is published, by topic.
+        shortage: that the quota of events is too small, in one line; empty if it is not.
     """
-    errors, warnings = _errors(status), _warnings(status)
+    errors, warnings = _errors(status), [*filter(None, [shortage]), *_warnings(status)]
     if absent:
         names = ", ".join(f"{topic} (for {since:.0f} s)" for topic, since in absent.items())
         warnings.append(f"publisher lost: {names}")

@@ -29,14 +29,17 @@ from slosh_bag.nodes.event_messages import (
     place_of,
 )
 from slosh_bag.nodes.recorder_health import Traffic, findings, left_out_text
+from slosh_bag.nodes.store_thread import STORE_PARAMETERS, StoreThread
 from slosh_bag.nodes.topic_input import Received, TopicInput, noted
 from slosh_bag.recorded_topics import TopicChoice, TopicSelection
 from slosh_bag.recorder import PUBLISHERS, SEVERAL, Recorder, RecorderStatus
+from slosh_base.files.errors import YamlError
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.files.yaml_document import parse_yaml
 from slosh_msgs.msg import NodeSettings
 from slosh_msgs_py import topics
 from slosh_msgs_py.conversions import find_type
-from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
+from slosh_msgs_py.node.diagnostics import ERROR, WARN, DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.readiness import RECORDED
@@ -84,6 +87,7 @@ PARAMETERS = (
         choices=(COMPLETE, EVENTS),
     ),
     *EVENT_PARAMETERS,
+    *STORE_PARAMETERS,
 )
 
 _RCL_ERRORS = (RuntimeError, ValueError)
@@ -111,11 +115,13 @@ class RecorderNode(GuardedNode):
         self._missed: Counter[str] = Counter()  # of inputs that are no longer recorded
         self._traffic = Traffic()
         self._told: set[str] = set()
+        self._stated: set[str] = set()  # topics that the nodes' settings name
         self._taken: list[Received] = []
         self._arrivals = Arrivals()
         self._times = LogTimes(time.time_ns(), time.monotonic_ns())
         self._events: EventMessages | None = None
         self._core = self._made_core(values)
+        self._store = StoreThread(Path(values["output"]), values, self.get_logger().info)
         self.create_service(Trigger, topics.KEEP, self._keep)
         self._reported = self._reported_lost = 0
         self._report = DiagnosticsReporter(self, self._health, self._facts)
@@ -147,6 +153,7 @@ class RecorderNode(GuardedNode):
             entry.settle()
         self._core.miss(self._lost_on_the_way())
         self._core.close()
+        self._store.close()
         status = self._core.status()
         total = sum(status.written.values())
         self.get_logger().info(f"{total} messages in {status.path.parent}, {status.lost} lost")
@@ -169,7 +176,8 @@ class RecorderNode(GuardedNode):
             if len(graph.get(topic, ())) > 1
         }
         kinds = {topic: types[0] for topic, types in graph.items()}
-        chosen = self._choice.choose(kinds, used_topics(self), self.count_publishers, now)
+        used = used_topics(self) | self._stated
+        chosen = self._choice.choose(kinds, used, self.count_publishers, now)
         for topic in self._inputs.keys() & chosen.left_out.keys():
             self._remove(topic, chosen.left_out[topic])
         for topic, kind in chosen.recorded.items():
@@ -260,7 +268,9 @@ class RecorderNode(GuardedNode):
         for received in taken:
             entry = self._inputs.get(received.topic)
             if entry is not None and entry.message_type is NodeSettings:
-                self._told.add(deserialize_message(received.data, NodeSettings).node)
+                message = deserialize_message(received.data, NodeSettings)
+                self._told.add(message.node)
+                self._stated |= stated_topics(message)
         if len(self._told) > before:
             self._report.report()
 
@@ -274,7 +284,14 @@ class RecorderNode(GuardedNode):
         self._reported, self._reported_lost = total, lost
         left_out = self._unknown | status.refused
         absent, shared = self._absent(), self._look_for_shared()
-        return findings(status, absent, newly_lost, left_out, silent, shared, self._other_types)
+        shortage = self._core.shortage if isinstance(self._core, EventRecorder) else ""
+        level, sentence = findings(
+            status, absent, newly_lost, left_out, silent, shared, self._other_types, shortage
+        )
+        if self._store.complaint:
+            level = level if level == ERROR else WARN
+            sentence = f"{sentence}; {self._store.complaint}"
+        return level, sentence
 
     def _look_for_shared(self) -> list[str]:
         """Returns topics that have several publishers but should have only one."""
@@ -317,6 +334,7 @@ class RecorderNode(GuardedNode):
                 "left out": left_out_text(self._chosen),
             }
             | event_facts(self._core)
+            | self._store.facts()
         )
 
     def _absent(self) -> dict[str, float]:
@@ -348,6 +366,16 @@ def _why(status: RecorderStatus) -> str:
     if status.unkept:
         reasons.append(status.failure or "the disk was too slow, or the bag was deleted")
     return "; ".join(reasons)
+
+
+def stated_topics(settings: NodeSettings) -> set[str]:
+    """Returns the topics that a node's settings name; the graph may not tell who reads a topic."""
+    try:
+        document = parse_yaml(settings.document, settings.node).value
+    except YamlError:
+        return set()
+    found = document.get("topics") if isinstance(document, dict) else None
+    return {str(name) for name in found.values()} if isinstance(found, dict) else set()
 
 
 def used_topics(node: Node) -> set[str]:

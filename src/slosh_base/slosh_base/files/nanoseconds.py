@@ -1,4 +1,4 @@
-"""Constant for time stamps in whole nanoseconds."""
+"""The number of nanoseconds in a second, for time stamps."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ def _attitude(
 
 
 def _angular_velocity(turn: scipy.spatial.transform.Rotation, rate: float) -> Array:
-    """Computes the angular velocity in the container's frame from successive attitudes."""
+    """Computes the angular velocity [rad/s] in container axes from successive attitudes."""
     steps = (turn[:-1].inv() * turn[1:]).as_rotvec() * rate
     velocity: Array = np.vstack((steps, steps[-1:]))
     return velocity

@@ -1,5 +1,7 @@
 """Renders the images of the cell's camera: a glass cup of dark liquid on the robot's plate.
 
+A conical cup is drawn as the cylinder to which a projective map turns it (see `optics.cup`).
+
 Every edge is computed by the pinhole projection, column by column, and drawn with the share of
 the pixel that it covers: where an edge lies is exact to a few hundredths of a pixel. Refraction is
 left out.
@@ -14,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_base.types import Array
-from slosh_bringup.errors import SloshBringupError
 from slosh_camera.optics.cup import CupView
 from slosh_model.bessel import radial_shape
 
@@ -73,17 +74,9 @@ class CupRenderer:
     Args:
         view: camera, pose and container; the lens must not distort.
         appearance: grey levels and noise.
-
-    Raises:
-        SloshBringupError: the wall is inclined.
     """
 
     def __init__(self, view: CupView, appearance: GreyLevels | None = None) -> None:
-        if view.cup.taper:
-            raise SloshBringupError(
-                "container.shape: the simulated camera draws cylinders only; run the cell without "
-                "a camera, or with one of a cylinder"
-            )
         self._view = view
         self._look = look = appearance or GreyLevels()
         self._top = view.cup.radius if view.cup.rim_level is None else view.cup.rim_level
@@ -220,7 +213,7 @@ class CupRenderer:
         cv2.fillPoly(image, [both], 0.85 * look.plate, cv2.LINE_AA, 4)
         cv2.fillPoly(image, [plate], look.plate, cv2.LINE_AA, 4)
         ends = np.array([floor, self._top])
-        outlines = [self._disc(circle, cup.radius, level) for level in ends]
+        outlines = [self._disc(circle, float(cup.radius_at(level)), level) for level in ends]
         outlines += [
             _fixed_point(self._view.project_wall(np.full(2, azimuth), ends))
             for azimuth in self._view.tangent_azimuths()
@@ -282,20 +275,30 @@ class SurfaceLines:
 
     def edges(self, sh_x: float, sh_y: float) -> SurfaceEdges:
         """Returns the surface's image rows for wall heights at the container's +x and +y [m]."""
+        cup, height = self._view.cup, float(np.hypot(sh_x, sh_y))
+        if cup.taper and height > 0.0:  # as high on the upright wall as its crest is there
+            share = float(cup.upright(height)) / height
+            sh_x, sh_y = share * sh_x, share * sh_y
         lines = self._rows(self._x, self._y, sh_x * self._rise_x + sh_y * self._rise_y)
         return SurfaceEdges(lines[0], np.fmin.reduce(lines))
 
     def floor(self) -> Array:
         """Returns the image row [px] of the liquid's lower edge in each image column."""
-        level = np.full((1, CHORDS), -self._view.cup.fill_height)
+        level = np.full((1, CHORDS), self._view.cup.upright(-self._view.cup.fill_height))
         (line,) = self._rows(self._x[:1], self._y[:1], level)
         known = np.isfinite(line)
         rows: Array = np.interp(self._columns, self._columns[known], line[known])
         return rows
 
     def _rows(self, x: Array, y: Array, z: Array) -> Array:
-        """Projects curves of points [m]; returns each curve's image row [px] in each column."""
-        pixels = self._view.project(np.column_stack((x.ravel(), y.ravel(), z.ravel())))
+        """Projects curves of points [m]; returns each curve's image row [px] in each column.
+
+        The points are those of the upright cylinder.
+        """
+        cup = self._view.cup
+        points = np.column_stack((x.ravel(), y.ravel(), z.ravel()))
+        points /= 1.0 - cup.taper / cup.radius * points[:, 2:]
+        pixels = self._view.project(points)
         u, v = pixels[:, 0].reshape(x.shape), pixels[:, 1].reshape(x.shape)
         columns = self._columns
         return np.stack(
@@ -312,7 +315,7 @@ def _chord_points(view: CupView) -> tuple[Array, Array]:
     Each row runs from the cup's left edge in the image to its right edge, so that it has one image
     row at every column; the first is the front wall, the last the rear wall.
     """
-    centre = view.pose.camera_centre
+    centre = view.cup.upright_points(view.pose.camera_centre)
     distance = float(np.hypot(centre[0], centre[1]))
     # Even steps about the cup: close rays at its edges, where the wall turns away.
     aside = view.cup.radius * np.sin(np.linspace(np.pi / 2.0, -np.pi / 2.0, CHORDS))

@@ -11,7 +11,8 @@ from slosh_base.types import Array
 from slosh_bringup.cell.motions import CellMotion
 from slosh_model.constants import GRAVITY
 from slosh_model.model import Model
-from slosh_model.simulate import Inputs, Response, simulate
+from slosh_model.response import Response
+from slosh_model.simulate import Inputs, simulate
 
 PUSHED = 0.1
 """How long a push lasts [s]."""

@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 from dataclasses import fields
 from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from slosh_base.files import check_apart, write_bytes, write_text
-from slosh_base.files.plain_text import plain_line
+from slosh_bringup.cli.calibrate_answer import as_json, as_text, assumptions
 from slosh_bringup.cli.calibrate_model import take_model
+from slosh_bringup.cli.calibrate_options import add_arguments
 from slosh_bringup.cli.calibrate_scale import run_page, run_scale
-from slosh_bringup.cli.parser import old_name
-from slosh_bringup.cli.quantities import ERROR, PERCENT, angle, length
 from slosh_bringup.cli.quiet_decoders import quiet_decoders
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibrate.board import (
-    FORMAT,
     BoardFit,
     check_hint,
     find_board,
@@ -33,7 +29,6 @@ from slosh_camera.calibrate.camera_file import format_calibration, parse_calibra
 from slosh_camera.calibrate.doubt import ToldDeviations
 from slosh_camera.calibrate.intrinsics import KnownCamera, camera_of_view, read_known_camera
 from slosh_camera.calibrate.picture import draw_calibration
-from slosh_camera.calibrate.pose import CameraPlace
 from slosh_camera.calibrate.still import calibrate_by_edges, check_pose, check_size
 from slosh_camera.calibrate.still_fit import StillFit
 from slosh_camera.calibrate.warning_words import warnings_of
@@ -43,141 +38,14 @@ from slosh_camera.images.colour import Image, to_colour
 from slosh_camera.images.decoding import read_image
 from slosh_camera.images.exif import read_exif
 from slosh_camera.optics.calibration import Calibration
-from slosh_camera.optics.cup import Cup, CupView, Wall
+from slosh_camera.optics.cup import Cup, CupView
 from slosh_camera.optics.pose import Pose
-from slosh_report.json_values import plain
+
+__all__ = ["add_arguments", "run"]
 
 _CUP_KEYS = tuple(entry.name for entry in fields(Cup))
-_DOUBTS = (
-    ("--focal-error", "PERCENT", PERCENT, "the focal length or the field of view [percent]"),
-    ("--wall-error", "M", ERROR, "the wall's thickness [m]"),
-    ("--fill-error", "M", ERROR, "the fill height [m]"),
-)
-_NUMBERS = tuple(entry.name for entry in fields(CameraPlace))
-_SENSE = (
-    (1e3, 1, "mm from the axis"),
-    (1e3, 1, "mm above the still level"),
-    (180.0 / np.pi, 2, "deg to the left of the axis"),
-    (180.0 / np.pi, 2, "deg down"),
-    (180.0 / np.pi, 2, "deg clockwise"),
-)
 # About which axis yaw, pitch and roll turn.
 _AXES = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of `slosh calibrate` to the argument parser."""
-    parser.add_argument("still", type=Path, help="image of the liquid at rest")
-    camera = parser.add_mutually_exclusive_group()
-    camera.add_argument(
-        "--camera", type=Path, metavar="FILE",
-        help="intrinsic parameters: a file of ROS camera_calibration, or a camera.yaml",
-    )  # fmt: skip
-    camera.add_argument(
-        "--fov", type=angle(3.15, 180.0), metavar="DEG",
-        help="horizontal field of view [deg] of a lens without distortion (default: from the "
-        "picture's EXIF)",
-    )  # fmt: skip
-    # Of a cup with an inclined wall, by --model alone.
-    parser.set_defaults(taper=None)
-    cup = parser.add_argument_group("container (defaults: --model, or else the --camera file)")
-    cup.add_argument(
-        "--model", type=Path, metavar="FILE",
-        help="model.yaml, for the container's radius, fill height and rim height",
-    )  # fmt: skip
-    cup.add_argument("--radius", type=length(2.0), metavar="M", help="inner radius [m]")
-    cup.add_argument(
-        "--fill-height",
-        type=length(4.0),
-        metavar="M",
-        help="height of the liquid at rest above the inner floor [m]",
-    )
-    wall = cup.add_argument(
-        "--wall",
-        dest="wall_thickness",
-        type=length(0.05),
-        metavar="M",
-        help="thickness of the wall [m] (default 0)",
-    )
-    old_name(parser, wall, "--wall-thickness")
-    cup.add_argument(
-        "--rim-height",
-        type=length(4.0),
-        metavar="M",
-        help="height of the rim above the inner floor [m]",
-    )
-    cup.add_argument(
-        "--wall-refractive-index",
-        type=float,
-        metavar="N",
-        help="refractive index of the wall (default 1.49)",
-    )
-    cup.add_argument(
-        "--azimuth", type=angle(), default=-90.0, metavar="DEG",
-        help="direction of the camera seen from the container's axis, from its +x towards +y "
-        "[deg] (default -90)",
-    )  # fmt: skip
-    doubt = parser.add_argument_group("standard errors of the inputs (default 0: exact)")
-    for option, unit, kind, what in _DOUBTS:
-        doubt.add_argument(
-            option,
-            type=kind,
-            default=0.0,
-            metavar=unit,
-            help=f"standard error of {what}; if above 0, the value is estimated too (default 0)",
-        )
-    parser.add_argument(
-        "--distance", type=length(10.0), metavar="M",
-        help="approximate distance of the camera from the container's axis [m], within 10 "
-        "percent; chooses between ambiguous poses; needed with --scale for a body of revolution",
-    )  # fmt: skip
-    parser.add_argument(
-        "--level", nargs=2, type=float, metavar=("U", "V"),
-        help="pixel on the liquid level at the front wall; needed where printed rings look "
-        "like levels",
-    )  # fmt: skip
-    board = parser.add_argument_group("board of markers")
-    board.add_argument(
-        "--board",
-        metavar="BOARD",
-        help=f"calibration board with markers: {FORMAT}, lengths in m; see docs/calibration.md",
-    )
-    board.add_argument(
-        "--board-place", nargs=6, type=float, metavar=("X", "Y", "Z", "YAW", "PITCH", "ROLL"),
-        help="pose of the --board in the container's frame [m, deg] (default: the board lies "
-        "face up on the plane on which the container stands)",
-    )  # fmt: skip
-    board.add_argument(
-        "--base-thickness", type=length(0.05), default=0.0, metavar="M",
-        help="thickness of the container's floor [m], for a board that lies next to the "
-        "container (default 0)",
-    )  # fmt: skip
-    scale = parser.add_argument_group("side view calibrated by its scale only, without a pose")
-    scale.add_argument(
-        "--scale", nargs=4, type=float, metavar=("U1", "V1", "U2", "V2"),
-        help="pixels of the left and the right end of the liquid level at rest",
-    )  # fmt: skip
-    scale.add_argument(
-        "--length",
-        type=length(4.0),
-        metavar="M",
-        help="distance between the two --scale points [m] (default: twice the radius; for a body "
-        "of revolution its outer width at the level)",
-    )
-    scale.add_argument(
-        "--page", type=Path, metavar="OUT.html",
-        help="page to write: click the two points on the image, and it shows the command",
-    )  # fmt: skip
-    parser.add_argument(
-        "-o", "--output", type=Path, required=True, help="name of the camera.yaml to write"
-    )
-    parser.add_argument(
-        "--picture",
-        type=Path,
-        metavar="OUT.png",
-        help="image to write: the pose drawn over the input image",
-    )
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -208,9 +76,9 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.picture is not None:
         _write_picture(arguments.picture, draw_calibration(image, fit, board))
     write_text(arguments.output, text)
-    assumed = _assumptions(arguments, known, fit)
+    assumed = assumptions(arguments, known, fit)
     warnings = [*warnings_of(fit), *detection]
-    answer = _as_json if arguments.json else _as_text
+    answer = as_json if arguments.json else as_text
     print(answer(arguments, fit, board, assumed, warnings))
     return 0
 
@@ -344,100 +212,3 @@ def _write_picture(path: Path, picture: Image) -> None:
     if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise SloshBringupError(f"{path}: pictures are written as .png or .jpg")
     write_bytes(path, cv2.imencode(path.suffix, picture)[1].tobytes())
-
-
-def _as_json(
-    arguments: argparse.Namespace, fit: StillFit, board: BoardFit | None, assumed: list[str],
-    warnings: list[str],
-) -> str:  # fmt: skip
-    pose = fit.view.pose
-    facts = {
-        "output": str(arguments.output),
-        "rotation": pose.rotation.ravel().tolist(),
-        "translation": pose.translation.tolist(),
-        "place": _named(fit.place.numbers),
-        "stddev": _named(fit.stddev[: len(_NUMBERS)]),
-        "residual": fit.residual,
-        "residual_height": fit.residual_height,
-        "height_stddev": {wall.value: fit.height_stddev[wall] for wall in Wall},
-        "curves": {
-            curve.name: {"share": curve.share, "offset": curve.offset} for curve in fit.curves
-        },
-        "board_residual": None if board is None else board.residual,
-        "assumed": assumed,
-        "warnings": warnings,
-    }
-    return json.dumps(plain(facts))
-
-
-def _named(numbers: NDArray[np.float64]) -> dict[str, float]:
-    return dict(zip(_NUMBERS, (float(value) for value in numbers), strict=True))
-
-
-def _as_text(
-    arguments: argparse.Namespace, fit: StillFit, board: BoardFit | None, assumed: list[str],
-    warnings: list[str],
-) -> str:  # fmt: skip
-    place, error = fit.place, fit.stddev[: len(_NUMBERS)]
-    lines = [
-        f"{name:9}{scale * value:8.{digits}f} +- {scale * sigma:.{digits}f} {unit}"
-        for name, value, sigma, (scale, digits, unit) in zip(
-            _NUMBERS, place.numbers, error, _SENSE, strict=True
-        )
-    ]
-    lines += _estimated(fit)
-    lines += [
-        f"{curve.name:27} {100.0 * curve.share:4.0f} % seen, {curve.offset:+.2f} px off"
-        for curve in fit.curves
-    ]
-    if board is not None:
-        lines.append(f"board    {len(board.corners)} corners, {board.residual:.2f} px rms")
-    front, rear = (1e3 * fit.height_stddev[wall] for wall in (Wall.FRONT, Wall.REAR))
-    level = 1e3 * fit.residual_height
-    lines += [
-        f"residual {fit.residual:8.2f} px rms (sides, still level); still level {level:.2f} mm",
-        f"a height's error by the pose, at -20 to 20 mm: {front:.2f} mm (front wall), "
-        f"{rear:.2f} mm (rear wall), 1 sigma",
-        *(f"assumed  {assumption}" for assumption in assumed),
-        *(f"warning: {warning}" for warning in warnings),
-        plain_line(arguments.output),
-    ]
-    return "\n".join(lines)
-
-
-def _assumptions(arguments: argparse.Namespace, known: KnownCamera, fit: StillFit) -> list[str]:
-    """Lists the values assumed by default, each with the option that sets it."""
-    focal, wall, _ = fit.stddev[len(_NUMBERS) :]
-    found = []
-    if arguments.camera is None and not focal:
-        camera = known.camera
-        angle = np.rad2deg(2.0 * np.arctan(0.5 * camera.width / camera.fx))
-        by = "" if arguments.fov is not None else " by the picture's EXIF"
-        found.append(
-            f"a field of view of {angle:.4g} deg{by} to the last digit, no distortion "
-            "(--camera, or --focal-error)"
-        )
-    turned = read_exif(arguments.still).orientation
-    if arguments.camera is not None and turned != 1:
-        found.append(
-            f"intrinsic parameters from pictures that are turned as this one is, by its EXIF "
-            f"orientation {turned}"
-        )
-    told = arguments.wall_thickness is not None or "wall_thickness" in known.container
-    if not told and not wall:
-        found.append("a wall without thickness (--wall, or --wall-error)")
-    return found
-
-
-def _estimated(fit: StillFit) -> list[str]:
-    """Lists the uncertain inputs with their estimated values, as text lines."""
-    cup, camera = fit.view.cup, fit.view.camera
-    focal, wall, fill = fit.stddev[len(_NUMBERS) :]
-    rows = (
-        ("focal", camera.fx, camera.fx * focal, "px"),
-        ("wall", 1e3 * cup.wall_thickness, 1e3 * wall, "mm thick"),
-        ("fill", 1e3 * cup.fill_height, 1e3 * fill, "mm high"),
-    )
-    return [
-        f"{name:9}{value:8.1f} +- {error:.1f} {unit}" for name, value, error, unit in rows if error
-    ]

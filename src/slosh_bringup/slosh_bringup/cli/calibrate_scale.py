@@ -50,7 +50,7 @@ def run_page(arguments: argparse.Namespace) -> int:
 
 
 def _words(arguments: argparse.Namespace, body: RoundBody | None, length: float) -> list[str]:
-    """Returns the `slosh calibrate` options that the page shows after the two clicked points."""
+    """Returns the `slosh calibrate` options that the HTML page adds to the two clicked points."""
     if body is None:
         words = ["--length", f"{length:g}", "--fill-height", f"{arguments.fill_height:g}"]
         if arguments.rim_height is not None:

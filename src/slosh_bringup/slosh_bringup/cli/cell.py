@@ -13,7 +13,9 @@ from slosh_bringup.live.run import LiveRun
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `slosh cell` to the argument parser."""
-    parser.add_argument("--config", type=Path, required=True, help="cell file; see docs/robot.md")
+    parser.add_argument(
+        "--config", type=Path, required=True, help="cell.yaml of the cell; see docs/robot.md"
+    )
     parser.add_argument(
         "-o", "--output", type=Path, default=Path("out/cell"),
         help="folder for results; each run gets a dated subfolder, and the link latest points "

@@ -11,6 +11,7 @@ from slosh_base.files import write_text
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cell.motion_source import REPEATS, TABLE_ENDINGS, load_motion
 from slosh_bringup.cell.motions import MOTIONS
+from slosh_bringup.cell.simulated_camera import write_simulated_camera
 from slosh_bringup.cli.live import add_watch, run_live
 from slosh_bringup.cli.progress import progress_bar
 from slosh_bringup.errors import SloshBringupError
@@ -19,6 +20,7 @@ from slosh_bringup.live.run import LiveRun
 from slosh_bringup.processes import NodeProcess, config_folder
 from slosh_model.model_text import read_model
 
+CAMERA = "simulated_camera"
 STARTING = 3.0  # s; from ready nodes to the motion and behind its end, for the progress bar
 
 
@@ -31,8 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--model", type=Path, metavar="MODEL",
-        help="model.yaml of another container and liquid, simulated without a camera "
-        "(default: the package's cup with its camera)",
+        help="model.yaml of another container and liquid; the camera sees cylinders and "
+        "frusta, other shapes are simulated without one (default: the package's cup)",
     )  # fmt: skip
     parser.add_argument(
         "-o", "--output", type=Path, default=Path("out/demo"),
@@ -63,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def tell(line: str) -> None:
-    """Prints an assumption that the program makes about the input, on standard error."""
+    """Prints an assumption about the inputs of `slosh demo` on standard error."""
     print(plain_line(f"slosh demo: note: {line}"), file=sys.stderr)
 
 
@@ -104,9 +106,18 @@ def run(arguments: argparse.Namespace) -> int:
             "model": str(config_folder() / "truth.yaml"), "calibration": str(setup.calibration)
         }  # fmt: skip
     else:
-        setup = replace(setup, model=arguments.model.resolve(), calibration=None)
-        given |= {"model": str(setup.model), "camera": "false"}
-        tell("the simulated camera supports only the package's own cup: no heights are measured")
+        given |= {"model": str(arguments.model.resolve())}
+        container = read_model(arguments.model).container
+        camera = write_simulated_camera(container, (arguments.output / CAMERA).resolve())
+        if isinstance(camera, Path):
+            given |= {"calibration": str(camera)}
+        else:
+            given |= {"camera": "false"}
+            tell(f"no heights are measured: {camera}")
+        setup = replace(
+            setup, model=arguments.model.resolve(),
+            calibration=camera if isinstance(camera, Path) else None,
+        )  # fmt: skip
     if arguments.force:
         setup = replace(
             setup, calibration=None, force=_identified(arguments.output, given["model"])

@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--list", action="store_true", help="list topics, types and numbers of messages"
     )
     what.add_argument(
-        "--motion", action="store_true", help="export the motion as one table t,ax,ay,az,…"
+        "--motion", action="store_true", help="export the container's motion as a table t,ax,ay,…"
     )
     topics = what.add_argument(
         "--topic", dest="topics", nargs="+", action="extend", default=[],

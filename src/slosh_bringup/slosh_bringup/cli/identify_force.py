@@ -14,7 +14,8 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_discovery.discover_data.force_reading import ForceSource, read_force
 from slosh_discovery.force.text import force_json, force_text, identified_model
 from slosh_discovery.force.workflow import identify_force
-from slosh_discovery.identifying import DOCUMENT, MODEL
+from slosh_discovery.force_report.page import render_force
+from slosh_discovery.identifying import DOCUMENT, MODEL, PAGE
 from slosh_model.model_text import format_model, read_model
 
 
@@ -28,7 +29,8 @@ def add_arguments(parser: Any) -> None:
     )  # fmt: skip
     group.add_argument(
         "--wrench", metavar="TOPIC", default="",
-        help="topic of the force, if there are several (WrenchStamped, Wrench, or Twist with it)",
+        help="topic of the force, for a bag with several (WrenchStamped or Wrench; also Twist, as "
+        "some drivers publish forces as its linear part)",
     )  # fmt: skip
     add_input_options(group)
 
@@ -46,12 +48,14 @@ def run(arguments: argparse.Namespace) -> int:
     document = force_json(found)
     if arguments.output is not None:
         with new_folder(arguments.output) as folder:
-            write_text(folder / MODEL, format_model(identified_model(model, found)))
+            identified = identified_model(model, found)
+            write_text(folder / MODEL, format_model(identified))
+            write_text(folder / PAGE, render_force(found, model, identified))
             write_text(folder / DOCUMENT, document)
     if arguments.json:
         print(document, end="")
         return tell.exit_code
     print(force_text(found))
     if arguments.output is not None:
-        print(f"\nmodel {plain_line(arguments.output / MODEL)}")
+        print(f"\nreport {plain_line(arguments.output / PAGE)}")
     return tell.exit_code

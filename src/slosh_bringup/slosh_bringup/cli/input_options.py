@@ -18,7 +18,7 @@ def add_input_options(parser: Any) -> None:
     """
     parser.add_argument(
         "--input", choices=list(MESSAGE_TYPES),
-        help="kind of input messages (default: as recorded, or the first of these in the bag)",
+        help="source of the container's motion (default: as recorded, or the first in the bag)",
     )  # fmt: skip
     add_robot_options(parser)
 
@@ -31,7 +31,8 @@ def add_robot_options(parser: Any) -> None:
     """
     parser.add_argument(
         "--urdf", type=Path, metavar="FILE",
-        help="URDF file of the robot, for the input joints (default: recorded /robot_description)",
+        help="URDF file of the robot, needed to read its motion from joint states (default: the "
+        "recorded /robot_description)",
     )  # fmt: skip
     parser.add_argument(
         "--tool-frame",

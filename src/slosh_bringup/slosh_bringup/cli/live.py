@@ -28,10 +28,10 @@ _STDERR = 2
 
 
 def add_watch(parser: argparse.ArgumentParser) -> None:
-    """Adds the option that serves the operator's page."""
+    """Adds the option `--watch`, which serves the operator's web page."""
     parser.add_argument(
         "--watch", nargs="?", type=_port, const=PORT, metavar="PORT",
-        help=f"serve the operator's page on this machine (default PORT: {PORT})",
+        help=f"serve a live web page of the cell on this machine (default PORT: {PORT})",
     )  # fmt: skip
 
 
@@ -55,7 +55,7 @@ class LiveScreen:
         self._elapsed = 0.0
 
     def show(self, elapsed: float, text: str, status: str = "") -> None:
-        """Replaces the previous status line with the elapsed time [s] and the current state."""
+        """Replaces the previous status line with the elapsed time [s] and the cell's state."""
         self._elapsed = elapsed
         shown = (can_draw(sys.stderr) and status) or text
         self._try(lambda: self._progress(elapsed, shown))
@@ -132,7 +132,7 @@ def _write(run: LiveRun, report: LiveReport) -> bool:
 
 
 def _check_port(port: int | None) -> None:
-    """Raises SloshBringupError if the web page's TCP port is already in use."""
+    """Raises SloshBringupError if the watch page's TCP port is already in use."""
     if port is not None:
         from slosh_bringup.watch.server import listen
 

@@ -16,28 +16,31 @@ from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.pictures import check_picture
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.bessel import MAXIMUM_MODE
-from slosh_model.containers import PRISMATIC
 from slosh_model.errors import SloshModelError
 from slosh_model.mode_table import ModeRow, mode_table
 from slosh_model.model import Model
 from slosh_model.model_text import read_model, write_model
 from slosh_model.potential_flow.tuning import TUNING
+from slosh_model.shapes.profiled import INSIDE
 
 SURFACE_PLACES = 21
-EPILOG = """The modes of a container with a contour (shape: revolution, prism, frustum, ...) are
+_AWAY = 0.999
+"""Part of the distance to the wall below which a crest is away from it."""
+EPILOG = """The modes of a container with a contour (shape: revolution, prism, trough, ...) are
 computed once with scikit-fem and cached. With -o they are stored in a model file, which can be
 read without scikit-fem.
 
 columns:
+  azimuth    direction of the motion from the container's +x
   frequency  natural frequency [Hz]
   damping    damping ratio
   mass       sloshing mass [kg], and its share of the liquid's mass
-  height     height at the wall per displacement of the sloshing mass
+  height     wave height at the wall per displacement of the sloshing mass [1]
   static     share of the mode in the static height under constant acceleration
   pendulum   length of a pendulum of the same frequency [mm]
   position   height of the sloshing mass above the still surface [mm]
   force      lateral force per displacement [N/m]
-  crest      maximum height divided by the height at the wall; above 1: crest away from the wall"""
+  crest      maximum wave height divided by that at the wall; above 1: crest away from the wall"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -97,11 +100,11 @@ def facts(model: Model, rows: tuple[ModeRow, ...]) -> dict[str, Any]:
 
 
 def _surface(model: Model, row: ModeRow) -> list[list[float]] | None:
-    """Returns a mode's positions along x [m] and heights per amplitude; None if not known."""
-    if row.axis != "x" or model.container.section == PRISMATIC:
+    """Returns a mode's positions along its axis [m] and heights per amplitude; None: not known."""
+    if not model.container.surface_known:
         return None
     try:
-        places, heights = model.container.surface_shape(row.number)
+        places, heights = model.container.surface_shape(row.number, "xy".index(row.axis))
     except SloshModelError:  # a file has the numbers alone, and nothing here computes the shape
         return None
     inside = np.linspace(places[0], places[-1], SURFACE_PLACES)
@@ -117,14 +120,15 @@ def text(model: Model, rows: tuple[ModeRow, ...]) -> str:
     """Formats the modes of a container as a text table."""
     lines = [
         plain_line(model.container.described),
-        "axis mode  frequency  damping     mass  share  height  static  pendulum  position"
-        "   force  crest",
+        "axis mode  azimuth  frequency  damping     mass  share  height  static  pendulum"
+        "  position   force  crest",
     ]
     lines += [
-        f"{row.axis:>4} {row.number:>4} {row.natural_frequency / math.tau:>7.4f} Hz"
-        f"  {row.damping_ratio:.5f} {row.mass:>8.4f}  {100.0 * row.mass_ratio:>4.1f} %"
+        f"{row.axis:>4} {row.number:>4}  {math.degrees(row.azimuth):>5.1f}°"
+        f" {row.natural_frequency / math.tau:>7.4f} Hz  {row.damping_ratio:.5f}"
+        f" {row.mass:>8.4f}  {100.0 * row.mass_ratio:>4.1f} %"
         f" {row.height_per_displacement:>7.4f}  {100.0 * row.static_share:>4.1f} %"
-        f"  {1e3 * row.pendulum_length:>5.1f} mm {1e3 * row.mass_height:>6.1f} mm"
+        f"  {1e3 * row.pendulum_length:>6.1f} mm {1e3 * row.mass_height:>6.1f} mm"
         f" {row.force_per_displacement:>7.2f} {row.crest_ratio:>6.3f}"
         for row in rows
     ]
@@ -132,13 +136,15 @@ def text(model: Model, rows: tuple[ModeRow, ...]) -> str:
 
 
 def _remarks(model: Model, rows: tuple[ModeRow, ...]) -> list[str]:
-    found, limit = [], model.container.linear_height
-    first = rows[0]
-    if first.crest_ratio > 1.001:
-        found.append(
-            f"The first mode's crest is {1e3 * first.crest_place:.1f} mm from the axis, away from "
-            f"the wall, and {first.crest_ratio:.3f} times as high; heights refer to the wall."
-        )
+    limit, reaches = model.container.linear_height, model.container.reaches
+    inside = (row for row in rows if row.number == 1 and row.crest_ratio > INSIDE)
+    found = [
+        f"The first mode's crest along {row.axis} is {1e3 * row.crest_place:.1f} mm from the "
+        f"axis, away from the wall, and {row.crest_ratio:.3f} times as high; heights refer to the "
+        "wall."
+        for row in inside
+        if row.crest_place < _AWAY * reaches["xy".index(row.axis)]
+    ]
     if model.damping_ratio is None and model.container.digest:
         found.append(
             f"Damping is that of the wetted wall and {100.0 * TUNING.film:.0f} % of a surface "

@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sensor",
         choices=SENSORS,
-        help="sensor to check (default: the first of these in the bag)",
+        help="sensor to check (default: imu if the bag has one)",
     )
     parser.add_argument(
         "--reference", choices=REFERENCES,
@@ -48,16 +48,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot_options(parser)
     parser.add_argument(
         "--sensor-rotation", type=RADIANS, nargs=3, metavar=("ROLL", "PITCH", "YAW"),
-        help="roll, pitch, yaw of the sensor to check [rad] (default: as recorded, or from "
-        "/tf_static)",
+        help="mounting to check: roll, pitch, yaw of the sensor on the container [rad] (default: "
+        "as recorded, or from /tf_static)",
     )  # fmt: skip
     parser.add_argument(
         "--sensor-to-origin", type=length(5.0), nargs=3, metavar=("X", "Y", "Z"),
-        help="vector from sensor to container to check [m] (default: as recorded, or from "
-        "/tf_static)",
+        help="mounting to check: vector from the sensor to the container's origin [m] (default: "
+        "as recorded, or from /tf_static)",
     )  # fmt: skip
     parser.add_argument(
-        "--namespace", metavar="NAMESPACE", help="namespace of the cell, for a bag with several"
+        "--namespace", metavar="NAMESPACE", help="cell's namespace, for a bag of several cells"
     )
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 

@@ -36,7 +36,7 @@ def add_outline_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     group.add_argument(
         "--page", type=Path, metavar="OUT.html",
-        help="page to write: click the points on the photograph, and it shows the command",
+        help="HTML page to write: on it you click the points, and it shows the command to run",
     )  # fmt: skip
     group.add_argument(
         "--points", nargs="+", type=float, metavar="PX",

@@ -44,7 +44,8 @@ def add_path_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options that describe the path to the argument parser."""
     parser.add_argument(
         "path", type=Path, nargs="?",
-        help="table (.csv) of waypoints t,x,y,z[,qx,qy,qz,qw], or with --urdf of t and the joints",
+        help="table of waypoints (.csv) with the columns t,x,y,z[,qx,qy,qz,qw]; if --urdf is "
+        "given, the columns are t and the robot's joints",
     )  # fmt: skip
     parser.add_argument(
         "--straight", type=quantities.length(10.0), metavar="M",
@@ -64,6 +65,15 @@ def add_path_arguments(parser: argparse.ArgumentParser) -> None:
         help="MoveIt's joint_limits.yaml: joint limits in addition to those in the URDF",
     )  # fmt: skip
     parser.add_argument(
+        "--srdf", type=Path, metavar="FILE",
+        help="MoveIt's semantic robot description (SRDF); needed with --group",
+    )  # fmt: skip
+    parser.add_argument(
+        "--group", metavar="NAME",
+        help="group of the SRDF whose joints move; others that carry the container are held at "
+        "their column in PATH, or at 0, and the rest is carried along",
+    )  # fmt: skip
+    parser.add_argument(
         "--velocity-scaling", type=quantities.FRACTION, default=1.0, metavar="S",
         help="usable share of the joints' velocity limits, 0 to 1 (default: 1)",
     )  # fmt: skip
@@ -81,8 +91,10 @@ def asked_path(arguments: argparse.Namespace, model: Model, tell: Teller) -> Ask
         raise SloshBringupError("--urdf and --tool-frame must be given together")
     if arguments.urdf is not None:
         return _of_joints(arguments, model, tell)
-    if arguments.joint_limits is not None:
-        raise SloshBringupError("--joint-limits: needs the robot: --urdf and --tool-frame")
+    for option in ("joint_limits", "srdf", "group"):
+        if getattr(arguments, option) is not None:
+            name = option.replace("_", "-")
+            raise SloshBringupError(f"--{name}: needs the robot: --urdf and --tool-frame")
     if arguments.path is None:
         ends = np.array([[0.0, 0.0, 0.0], [arguments.straight, 0.0, 0.0]])
         waypoints = Waypoints(np.array([0.0, 1.0]), ends, None)
@@ -98,7 +110,12 @@ def _of_joints(arguments: argparse.Namespace, model: Model, tell: Teller) -> Ask
     if arguments.path is None:
         raise SloshBringupError("--urdf: give PATH, a table of the robot's joints")
     name = str(arguments.path)
-    robot = read_robot(arguments.urdf, arguments.tool_frame, arguments.joint_limits or "")
+    if (arguments.srdf is None) != (arguments.group is None):
+        raise SloshBringupError("--srdf and --group must be given together")
+    robot = read_robot(
+        arguments.urdf, arguments.tool_frame, arguments.joint_limits or "", arguments.srdf or "",
+        arguments.group or "",
+    )  # fmt: skip
     assert robot is not None
     arm = robot.arm
     given = read_joint_table(arguments.path, arm, table_options(arguments))
@@ -107,6 +124,11 @@ def _of_joints(arguments: argparse.Namespace, model: Model, tell: Teller) -> Ask
                if not has]  # fmt: skip
     for remark in _remarks(unknown, robot.limits(given.names).acceleration, given.names):
         tell(f"{name}: {remark}")
+    if robot.doubt:
+        tell(f"{arguments.joint_limits}: {robot.doubt}")
+    held = robot.held(given.names)
+    if held:
+        tell(f"{name}: {', '.join(held)}: not in the group {arguments.group}, held at 0")
     places, _ = arm.poses(given.names, given.position)
     return AskedPath(name, path, Waypoints(given.t, places, None), given.names)
 

@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--subscribers", type=int, default=0, metavar="N",
-        help="wait for N subscribers before the start (default: any)",
+        help="wait for N subscribers before the start (default: for any one)",
     )  # fmt: skip
     parser.add_argument(
         "--wait",

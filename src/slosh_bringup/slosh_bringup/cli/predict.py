@@ -97,8 +97,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_rim_distance(parser)
     parser.add_argument(
         "--gantry", type=quantities.ACCELERATION, nargs="?", const=math.nan, metavar="A",
-        help="without TRAJECTORY: find acceleration, jerk and waiting time for strokes of any "
-        "length; with the machine's own acceleration A [m/s²] also the speed",
+        help="without TRAJECTORY: find the acceleration, jerk and waiting time that are safe for "
+        "strokes of any length; given the machine's acceleration A [m/s²], also the speed",
     )  # fmt: skip
     mae = parser.add_argument(
         "--mae", dest="sigma", type=ERROR, default=0.0, metavar="M",
@@ -183,10 +183,14 @@ def _gantry(arguments: argparse.Namespace, tray: Tray, limits: HeightLimits) -> 
     """Prints the limits of a machine whose strokes are not known."""
     if arguments.trajectories or tray.is_tray:
         raise SloshBringupError("--gantry: needs the model of one container, and no TRAJECTORY")
+    if arguments.output or arguments.plot or arguments.page:
+        raise SloshBringupError("--gantry: prints its limits; --output, --plot and --page do not "
+                                "go with it")  # fmt: skip
     machine = None if math.isnan(arguments.gantry) else arguments.gantry
     if machine is not None and not 0.0 < machine < math.inf:
         raise SloshBringupError(f"--gantry {machine:g}: an acceleration above 0 is needed")
-    print(gantry_text(tray.first.model, limits, machine, as_json=arguments.json))
+    error = ModelError(arguments.sigma, arguments.epsilon)
+    print(gantry_text(tray.first.model, limits, machine, error, as_json=arguments.json))
     return 0
 
 
@@ -277,7 +281,7 @@ def as_text(
 
 
 def _of_tray(each: TrayPrediction) -> Iterator[str]:
-    """Yields text lines with a tray's worst container and the heights in the others."""
+    """Yields text lines with a tray's worst container and the heights in its other containers."""
     others = ", ".join(
         f"{name} {1e3 * one.nonlinear.peak:.1f} mm"
         for name, one in each.containers.items()
@@ -285,8 +289,6 @@ def _of_tray(each: TrayPrediction) -> Iterator[str]:
     )
     yield f"worst container {each.worst}" + (f" ({others})" if others else "")
     yield from each.loose_words
-    if each.standing:
-        yield "time scales do not count sliding and tipping"
 
 
 def _interval(one: Prediction) -> str:

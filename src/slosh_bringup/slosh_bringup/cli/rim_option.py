@@ -18,7 +18,7 @@ def add_rim_distance(parser: argparse.ArgumentParser) -> None:
 
 
 def rim_words(distance: float) -> str:
-    """Describes how far the liquid stays below the rim; empty if the distance is unknown."""
+    """Describes how far below or above the rim the liquid reaches; empty if that is unknown."""
     if math.isnan(distance):
         return ""
     return f", {1e3 * abs(distance):.1f} mm {'below' if distance >= 0.0 else 'above'} the rim"

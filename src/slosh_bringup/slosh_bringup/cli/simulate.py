@@ -25,7 +25,8 @@ from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.gaps import gap_text
 from slosh_model.measure import predicted_heights
 from slosh_model.model_text import read_model
-from slosh_model.simulate import Response, simulate
+from slosh_model.response import Response
+from slosh_model.simulate import simulate
 from slosh_model.tilt import added_text, attitude_of, feeling
 from slosh_plan import HeightLimits
 from slosh_tables.motion_table import read_motion_table

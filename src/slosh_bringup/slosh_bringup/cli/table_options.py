@@ -20,7 +20,9 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
         "columns are ignored",
     )  # fmt: skip
     group.add_argument("--time-unit", choices=list(TIME), help="unit of the time column")
-    group.add_argument("--decimal", choices=[".", ","], help="decimal separator of the numbers")
+    group.add_argument(
+        "--decimal", choices=[".", ","], metavar="CHARACTER", help="decimal separator: . or ,"
+    )
     group.add_argument(
         "--separator", choices=[",", ";", "|", "tab", "space"], help="separator between columns"
     )

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import signal
-import subprocess
 import sys
 from pathlib import Path
 
 from slosh_base.files.plain_text import plain_line
+from slosh_bringup.cli.node_process import run_until_stopped
 from slosh_bringup.live.cell_setup import NAMESPACE
-from slosh_bringup.processes import NodeProcess, node_environment
+from slosh_bringup.processes import NodeProcess
 from slosh_bringup.watch import HOST, PORT
 
 
@@ -23,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--port",
         type=int,
         default=PORT,
-        help="port of the page; 0 chooses a free one (default %(default)s)",
+        help="TCP port of the web page; 0 chooses a free one (default %(default)s)",
     )
     parser.add_argument(
         "--host", default=HOST,
@@ -45,14 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _watch_cell(arguments: argparse.Namespace) -> int:
     """Starts the watch node as a process and waits until it ends."""
     given = {"host": arguments.host, "port": str(arguments.port)}
-    words = NodeProcess("watch", parameters=given).command(arguments.namespace)
-    with subprocess.Popen(words, env=node_environment()) as node:
-        try:
-            return node.wait()
-        except KeyboardInterrupt:  # the terminal has told the node, too
-            node.send_signal(signal.SIGINT)
-            node.wait()
-            return 0
+    return run_until_stopped(NodeProcess("watch", parameters=given), arguments.namespace)
 
 
 def _watch_recording(arguments: argparse.Namespace) -> int:

@@ -12,10 +12,12 @@ from slosh_base.files.nearest import did_you_mean
 from slosh_base.files.yaml_document import YamlDocument, read_yaml, shown
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import NodeProcess, config_folder
+from slosh_model.tray import read_tray
 from slosh_msgs_py import topics
+from slosh_msgs_py.errors import SloshMessageError
 
 NAMESPACE = topics.NAMESPACE
-NODES_OF_A_CELL = ("recorder", "estimator", "camera", "sensor", "monitor", "governor")
+NODES_OF_A_CELL = ("recorder", "estimator", "camera", "sensor", "monitor", "governor", "plc")
 """In the order of their start: what the recorder records must not have begun."""
 REMAPPABLE = (
     *(topic.name for topic in topics.TOPICS if topic.remappable),
@@ -35,12 +37,14 @@ class CellSetup:
 
     Attributes:
         model: model file of the container and its liquid.
-        calibration: camera.yaml; None: the cell has no camera, by choice.
+        calibration: camera.yaml of the only or first container; None: it has no camera, by choice.
         parameters: ROS parameter file of all nodes; what it does not set is as the nodes have it.
         namespace: of all nodes.
         remap: relative topic -> the robot's topic.
         reading: parameters of the estimator that say what drives it, as far as they are given.
+        plc: whether the cell's state is served to controllers; see slosh_plc.
         force: identification.json of the payload on a force sensor; None: there is none.
+        cameras: camera.yaml of each container behind a tray's first that has a camera, by name.
         record: of RECORD; empty: as the recorder's parameters have it.
         govern: kind of the commands that the governor limits, of topics.COMMANDING; empty: it is
             not started.
@@ -54,7 +58,14 @@ class CellSetup:
     reading: Mapping[str, str] = field(default_factory=dict)
     record: str = ""
     force: Path | None = None
+    plc: bool = False
+    cameras: Mapping[str, Path] = field(default_factory=dict)
     govern: str = ""
+
+    @property
+    def camera_nodes(self) -> dict[str, str]:
+        """Names of the nodes of further cameras, by the name of the container."""
+        return {container: f"camera_{container}" for container in self.cameras}
 
     def processes(self, bag: Path) -> list[NodeProcess]:
         """Returns the cell's node processes; no camera or sensor node without its file."""
@@ -71,15 +82,19 @@ class CellSetup:
             del own["camera"]
         if self.calibration is None and self.force is None:
             own["monitor"] = {"camera": "false"}
+        if self.plc:
+            own["plc"] = {}
+        if self.cameras:
+            own["monitor"]["cameras"] = ",".join(self.cameras)
         if self.record:
             own["recorder"]["mode"] = self.record
         if self.govern:
             own["governor"] = {"model": str(self.model), "command": self.govern}
-        return [
-            NodeProcess(name, [self.parameters], own[name], self.remap)
-            for name in NODES_OF_A_CELL
-            if name in own
-        ]
+        names = [name for name in NODES_OF_A_CELL if name in own]
+        for container, name in self.camera_nodes.items():
+            own[name] = {"calibration": str(self.cameras[container]), "container": container}
+            names.insert(names.index("monitor"), name)
+        return [NodeProcess(name, [self.parameters], own[name], self.remap) for name in names]
 
 
 def default_setup() -> CellSetup:
@@ -111,6 +126,7 @@ def read_setup(path: Path) -> CellSetup:
         "remap",
         "record",
         "force",
+        "plc",
         "govern",
         *READING,
     )
@@ -122,16 +138,21 @@ def read_setup(path: Path) -> CellSetup:
             )
     default = default_setup()
     namespace = read_namespace(source, document.get("namespace", NAMESPACE))
+    model = _file(source, "model")
+    cameras = read_cameras(source, model) if _has_camera(source) else {}
+    calibration = cameras.pop("", None)
     return CellSetup(
-        model=_file(source, "model"),
-        calibration=_file(source, "calibration") if _has_camera(source) else None,
+        model=model,
+        calibration=calibration,
+        cameras=cameras,
         parameters=_file(source, "parameters", default.parameters),
         namespace=namespace,
-        remap=read_remap(source, namespace, document.get("remap") or {}),
+        remap=read_remap(source, namespace, document.get("remap") or {}, tuple(cameras)),
         reading=_reading(source),
         record=_one_of(source, "record", RECORD),
         govern=_one_of(source, "govern", tuple(topics.COMMANDING)),
         force=_file(source, "force") if "force" in document else None,
+        plc=_plc(source),
     )
 
 
@@ -143,8 +164,16 @@ def _one_of(source: YamlDocument, key: str, known: Sequence[str]) -> str:
     return str(value)
 
 
+def _plc(source: YamlDocument) -> bool:
+    """Returns whether the cell file asks for the servers of controllers."""
+    value = source.value.get("plc", False)
+    if not isinstance(value, bool):
+        raise SloshBringupError(f"{source.at('plc')} = {shown(value)} must be true or false")
+    return value
+
+
 def _reading(source: YamlDocument) -> dict[str, str]:
-    """Returns the file's settings of the estimator's input."""
+    """Returns the cell file's settings of the estimator's input."""
     found = {}
     for key in READING:
         if key not in source.value:
@@ -171,8 +200,39 @@ def _has_camera(source: YamlDocument) -> bool:
     return "camera" not in source.value and "calibration" in source.value
 
 
-def _file(source: YamlDocument, key: str, default: Path | None = None) -> Path:
+def read_cameras(source: YamlDocument, model: Path) -> dict[str, Path]:
+    """Returns each camera's file by its container's name; the first or only one has no name.
+
+    The key `calibration` names the file of the first container's camera, or maps names of a
+    tray's containers to the files of their cameras.
+
+    Raises:
+        SloshBringupError: a file or a container is not there, or no topic can carry its name.
+    """
+    value = source.value["calibration"]
+    if not isinstance(value, dict):
+        return {"": _file(source, "calibration")}
+    names, found = read_tray(model).names, {}
+    for name in value:
+        place = source.where("calibration", name)
+        if names == ("",) or name not in names:
+            known = "it carries no tray" if names == ("",) else f"known: {', '.join(names)}"
+            raise SloshBringupError(f"{place}: calibration: no container {shown(name)} ({known})")
+        own = "" if name == names[0] else str(name)
+        try:
+            topics.of_container(topics.FREE_SURFACE, own)
+        except SloshMessageError as error:
+            raise SloshBringupError(f"{place}: {error}") from None
+        found[own] = _file(source, "calibration", name=name)
+    return found
+
+
+def _file(
+    source: YamlDocument, key: str, default: Path | None = None, name: str | None = None
+) -> Path:
+    """Returns the path that a key names, or that a name in the key's mapping does."""
     value = source.value.get(key, default)
+    value = value if name is None else value[name]
     if not isinstance(value, str | Path) or "\0" in str(value):
         raise SloshBringupError(f"{source.where(key)}: key {key!r} is missing or not a path")
     path = Path(source.source).parent / value
@@ -197,8 +257,16 @@ def read_namespace(source: YamlDocument, value: Any) -> str:
     return value
 
 
-def read_remap(source: YamlDocument, namespace: str, value: Any) -> dict[str, str]:
+def read_remap(
+    source: YamlDocument, namespace: str, value: Any, cameras: Sequence[str] = ()
+) -> dict[str, str]:
     """Checks and returns the mapping from the cell's topics to the robot's topics.
+
+    Args:
+        source: the cell file.
+        namespace: of the cell.
+        value: of the key `remap`.
+        cameras: names of the containers behind a tray's first that have a camera.
 
     Raises:
         SloshBringupError: it is no mapping, or no node has such a topic; one line with its place.
@@ -209,14 +277,18 @@ def read_remap(source: YamlDocument, namespace: str, value: Any) -> dict[str, st
         raise SloshBringupError(
             f"{source.where('remap')}: remap must map topic names to topic names"
         )
+    further = [
+        topics.of_container(name, camera) for camera in cameras for name in topics.PER_CONTAINER
+    ]
+    remappable = (*REMAPPABLE, *further)
     for name in value:
         relative = name.removeprefix(f"{namespace.rstrip('/')}/")
-        if not {relative, f"/{relative}"} & {*REMAPPABLE}:
-            known = ", ".join(REMAPPABLE)
+        if not {relative, f"/{relative}"} & {*remappable}:
+            known = ", ".join(remappable)
             place = source.where("remap", name)
             raise SloshBringupError(
                 f"{place}: remap: no such topic: {shown(name)} (known: {known})"
-                f"{did_you_mean(relative, REMAPPABLE)}"
+                f"{did_you_mean(relative, remappable)}"
             )
     whole = {name.strip("/") for name in REMAPPABLE if name.startswith("/")}
     return {f"/{name}" if name in whole else name: other for name, other in value.items()}

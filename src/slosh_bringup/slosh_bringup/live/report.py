@@ -142,7 +142,7 @@ def _events_line(folder: Path, bags: Sequence[Path]) -> str:
 
 
 def latency_figure(run: RunResult) -> KeyFigure:
-    """Returns the latency from an image's exposure to the published comparison."""
+    """Returns the key figure for the latency from an image's exposure to its comparison [ms]."""
     median, greatest = run.latency.get("monitor", (math.nan, math.nan))
     note = "image to comparison, median"
     if math.isfinite(greatest):

@@ -26,6 +26,7 @@ from slosh_bringup.processes import (
 from slosh_bringup.stop_request import StopRequest
 from slosh_bringup.watch import HOST
 from slosh_camera.calibrate.camera_file import read_any_calibration
+from slosh_model.containers import PRISMATIC
 from slosh_model.tray import read_tray
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.domain import claimed_namespace, own_domain
@@ -43,15 +44,19 @@ def check_files(setup: CellSetup) -> None:
     Raises:
         ValueError: of the package that reads the file; one line.
     """
-    container = read_tray(setup.model).first.model.container
-    if setup.calibration is not None:
-        read_any_calibration(setup.calibration)
-        if container.digest:
+    tray = read_tray(setup.model)
+    first = {} if setup.calibration is None else {tray.first.name: setup.calibration}
+    for one in tray.containers:
+        calibration = {**setup.cameras, **first}.get(one.name)
+        if calibration is None:
+            continue
+        read_any_calibration(calibration)
+        if one.model.container.section == PRISMATIC:
             raise SloshBringupError(
-                f"{setup.model}: the camera measures cylinders and rectangles, not a "
-                f"{container.shape}; write `camera: none` in place of the calibration"
+                f"{setup.model}: the camera measures rectangles and round containers, not a "
+                f"{one.model.container.shape}; write `camera: none` in place of the calibration"
             )
-    check_parameter_file(setup.parameters, setup.namespace)
+    check_parameter_file(setup.parameters, setup.namespace, setup.camera_nodes.values())
 
 
 @dataclass(frozen=True, slots=True)

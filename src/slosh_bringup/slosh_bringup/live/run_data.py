@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from slosh_bag.reader import TopicInfo, stamp_ns
 from slosh_base.types import Array
+from slosh_msgs_py.topics import COMPARISON
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording.facts import lost_messages, shared_topics_line
 
@@ -25,7 +27,8 @@ HEIGHTS = (
     "epsilon_nonlinear",
 )
 FLAGS = ("measured_flags", "estimate_flags")
-_COLUMNS = (*HEIGHTS, *FLAGS)
+COLUMNS = (*HEIGHTS, *FLAGS)
+"""Fields of SloshComparison that are read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +61,8 @@ class RunData:
         warnings: about the bag itself.
         noted_lost: messages that were sent and are not in the bag, by topic, as the recorder
             noted; without a topic where it is not known.
+        further: (M, columns) of the comparisons of each container behind a tray's first that has
+            a camera, by its name, in the order of `columns`.
         mixed: what the recorder noted of several publishers on topics of one; empty: nothing.
     """
 
@@ -74,6 +79,7 @@ class RunData:
     warnings: tuple[str, ...]
     noted_lost: Mapping[str, int] = field(default_factory=dict)
     mixed: str = ""
+    further: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def seconds(self) -> Array:
@@ -81,7 +87,7 @@ class RunData:
         return np.asarray((self.stamps - self.stamps[:1]) * 1e-9, dtype=np.float64)
 
     def flags(self, side: str) -> NDArray[np.int64]:
-        """Returns the flags (N,) of the compared measurements or of the estimates."""
+        """Returns the validity flags (N,) of the compared measurements or of the estimates."""
         return self.columns[f"{side}_flags"].astype(np.int64)
 
     def lost(self) -> dict[str, int]:
@@ -110,6 +116,7 @@ class RunData:
 class _Gathered:
     rows: list[list[float]] = field(default_factory=list)
     stamps: list[int] = field(default_factory=list)
+    further: dict[str, list[list[float]]] = field(default_factory=dict)
     truth: list[tuple[int, float]] = field(default_factory=list)
     events: list[RecordedEvent] = field(default_factory=list)
     published: dict[str, int] = field(default_factory=dict)
@@ -133,11 +140,11 @@ def read_run(run: RecordedRun) -> RunData:
             continue  # only the models' names are wanted, once
         seen_estimate = seen_estimate or is_estimate
         takers[message.topic](gathered, reader.decode(message))
-    table = np.array(gathered.rows, dtype=np.float64).reshape(-1, len(_COLUMNS))
+    table = np.array(gathered.rows, dtype=np.float64).reshape(-1, len(COLUMNS))
     return RunData(
         run=run,
         stamps=np.array(gathered.stamps, dtype=np.int64),
-        columns={name: table[:, i] for i, name in enumerate(_COLUMNS)},
+        columns={name: table[:, i] for i, name in enumerate(COLUMNS)},
         truth_stamps=np.array([stamp for stamp, _ in gathered.truth], dtype=np.int64),
         truth=np.array([height for _, height in gathered.truth]),
         events=tuple(gathered.events),
@@ -148,6 +155,9 @@ def read_run(run: RecordedRun) -> RunData:
         warnings=tuple(reader.warnings),
         mixed=shared_topics_line(facts),
         noted_lost=lost_messages(facts),
+        further={
+            name: np.array(rows, dtype=np.float64) for name, rows in gathered.further.items()
+        },
     )
 
 
@@ -166,14 +176,21 @@ def _taker(topic: str) -> Callable[[_Gathered, Any], None] | None:
     for ending, taker in _TAKERS.items():
         if topic.endswith(ending):
             return taker
-    return None
+    container = topic.rpartition("/")[2].partition(f"{COMPARISON}_")[2]
+    return partial(_take_further, container) if container else None
+
+
+def _take_further(container: str, gathered: _Gathered, message: Any) -> None:
+    if not message.measured_stale:
+        row = [getattr(message, name) for name in COLUMNS]
+        gathered.further.setdefault(container, []).append(row)
 
 
 def _take_comparison(gathered: _Gathered, message: Any) -> None:
     if message.measured_stale or getattr(message, "without_camera", False):
         return  # the monitor's word where there is no image
     gathered.stamps.append(stamp_ns(message))
-    gathered.rows.append([getattr(message, name) for name in _COLUMNS])
+    gathered.rows.append([getattr(message, name) for name in COLUMNS])
 
 
 def _take_truth(gathered: _Gathered, message: Any) -> None:
@@ -208,7 +225,7 @@ def _take_estimate(gathered: _Gathered, message: Any) -> None:
 
 
 _TAKERS: Mapping[str, Callable[[_Gathered, Any], None]] = {
-    "/comparison": _take_comparison,
+    f"/{COMPARISON}": _take_comparison,
     "/cell/truth": _take_truth,
     "/limit_event": _take_event,
     "/cell/summary": _take_summary,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_bringup.live.run_data import RunData
+from slosh_bringup.live.run_data import COLUMNS, RunData
 from slosh_estimator.sight import UNSOUND, judged
 from slosh_metrics.metrics import mean_absolute_error, peak_error, rms_error
 from slosh_replay.replay import ReplayResult
@@ -91,6 +91,7 @@ def evaluate(data: RunData) -> RunResult:
     pairs = [
         (f"{nl_name} / camera", measured, counted(nonlinear)),
         (f"{l_name} / camera", measured, counted(linear)),
+        *(_further(name, table) for name, table in data.further.items()),
     ]
     if len(data.truth):
         known = np.where(sound, nonlinear, np.nan)
@@ -106,6 +107,15 @@ def evaluate(data: RunData) -> RunResult:
         dropped=_dropped(data),
         events=len({event.id for event in data.events}),
     )
+
+
+def _further(container: str, table: Array) -> tuple[str, Array, Array]:
+    """Returns measured and estimated heights of a container behind a tray's first, with a name."""
+    of = dict(zip(COLUMNS, table.T, strict=True))
+    flags, sound = of["measured_flags"].astype(np.int64), of["estimate_flags"].astype(np.int64)
+    measured, model = of["measured"], of["estimated_nonlinear"]
+    known = judged(measured, flags, model, (sound & UNSOUND) == 0)
+    return f"camera of {container}", measured, np.where(known, model, np.nan)
 
 
 def agreement(name: str, reference: Array, series: Array) -> SeriesAgreement:

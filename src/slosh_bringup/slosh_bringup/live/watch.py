@@ -30,7 +30,7 @@ class Screen(Protocol):
     """Interface of a live run's display."""
 
     def show(self, elapsed: float, text: str, status: str = "") -> None:
-        """Shows the elapsed time [s] and the state; called ten times a second.
+        """Shows the elapsed time [s] and the cell's state; called ten times a second.
 
         A status is what holds at this moment, in place of the text: nothing for a log, which
         keeps what it is told.
@@ -88,7 +88,7 @@ class LiveWatch:
         return {} if self._health is None else self._health.unheard()
 
     def take_settings(self, start: NodeStart) -> None:
-        """Stores the settings that a node of this run publishes."""
+        """Stores, displays and saves the settings that a node of this run publishes."""
         if start.node not in self._nodes:
             return
         self._starts[start.node] = after(self._starts.get(start.node), start)
@@ -131,7 +131,7 @@ class LiveWatch:
         self._screen.show(now - self._began, "", self._status.line(now))
 
     def tell(self, line: str) -> None:
-        """Shows a line of text that stays on the screen, given by another part of the program."""
+        """Shows a permanent line of text for another part of the program."""
         self._tell([line])
 
     def _tell_readiness(self, report: NodeReport) -> None:

@@ -12,12 +12,11 @@ import contextlib
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import CompressedImage, Image
@@ -46,8 +45,8 @@ from slosh_msgs.msg import (
 )
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import OK, DiagnosticsReporter, Health
-from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.polled import PolledNode, take
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.stamps import to_nanoseconds
 from slosh_replay.recording.settings import node_start
@@ -62,11 +61,10 @@ PARAMETERS = (
 )
 
 
-class WatchNode(GuardedNode):
+class WatchNode(PolledNode):
     """Node that subscribes to a cell's topics and sends its state to web browsers."""
 
     def __init__(self) -> None:
-        self._batched: set[Subscription] = set()
         super().__init__("watch")
         given = declare(self, PARAMETERS)
         listener = listen(given["host"], given["port"])
@@ -85,7 +83,7 @@ class WatchNode(GuardedNode):
         self._add(Calm, topics.CALM, qos.STREAM_IN, self._on_calm)
         self._add(SloshComparison, topics.COMPARISON, qos.STREAM_IN, self._on_comparison)
         self._add(GovernedMotion, topics.GOVERNED_MOTION, qos.NEWEST_IN, self._on_governed)
-        self._others = OtherCells(self, self._subscribe, self._drop, _take)
+        self._others = OtherCells(self, self.subscribe_polled, self.drop_polled, take)
         self._estimates: Subscription | None = None
         self._images: tuple[Subscription, Any] | None = None
         self._image: Image | CompressedImage | None = None
@@ -95,29 +93,16 @@ class WatchNode(GuardedNode):
         self.create_timer(PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info(f"the page of this cell: {self.access.url}")
 
-    @property
-    def subscriptions(self) -> Iterator[Subscription]:
-        """Yields the subscriptions for the executor, without those that are polled in batches."""
-        return (entry for entry in super().subscriptions if entry not in self._batched)
-
     def close(self) -> None:
         """Stops the web server."""
         self._server.stop()
 
     def _add(self, kind: Any, topic: str, profile: QoSProfile, use: Callable[[Any], None]) -> None:
-        self._taken.append((self._subscribe(kind, topic, profile), kind, use))
-
-    def _subscribe(self, kind: Any, topic: str, profile: QoSProfile) -> Subscription:
-        events = SubscriptionEventCallbacks(use_default_callbacks=False)
-        made = self.create_subscription(
-            kind, topic, lambda message: None, profile, event_callbacks=events
-        )
-        self._batched.add(made)
-        return made
+        self._taken.append((self.subscribe_polled(kind, topic, profile), kind, use))
 
     def _look(self) -> None:
         for subscription, kind, use in self._taken:
-            for message in _take(subscription, kind, BATCH):
+            for message in take(subscription, kind, BATCH):
                 self._report.counts[subscription.topic.rpartition("/")[2]] += 1
                 try:
                     use(message)
@@ -135,12 +120,12 @@ class WatchNode(GuardedNode):
     def _look_at_estimate(self, now: float) -> None:
         """Subscribes to estimates, about 1000 per second, only while there are no comparisons."""
         if not self._state.is_alone(now):
-            self._drop(self._estimates)
+            self.drop_polled(self._estimates)
             self._estimates = None
             return
         if self._estimates is None:
-            self._estimates = self._subscribe(SloshEstimate, topics.ESTIMATE, qos.NEWEST_IN)
-        for message in _take(self._estimates, SloshEstimate, 1):
+            self._estimates = self.subscribe_polled(SloshEstimate, topics.ESTIMATE, qos.NEWEST_IN)
+        for message in take(self._estimates, SloshEstimate, 1):
             hearing.hear_estimate(self._state, message, now)
 
     def _look_at_camera(self) -> None:
@@ -154,9 +139,9 @@ class WatchNode(GuardedNode):
         topic, kind = self._best_images()
         if self._images is None or self._images[1] is not kind:
             self._stop_images()
-            self._images = self._subscribe(kind, topic, qos.IMAGE_IN), kind
+            self._images = self.subscribe_polled(kind, topic, qos.IMAGE_IN), kind
             return
-        self._image = next(_take(self._images[0], kind, 1), None)
+        self._image = next(take(self._images[0], kind, 1), None)
 
     def _best_images(self) -> tuple[str, Any]:
         """Returns the compressed image topic, or the raw one if only that has a publisher.
@@ -173,13 +158,8 @@ class WatchNode(GuardedNode):
     def _stop_images(self) -> None:
         """Unsubscribes from images while no browser is connected."""
         if self._images is not None:
-            self._drop(self._images[0])
+            self.drop_polled(self._images[0])
             self._images = None
-
-    def _drop(self, subscription: Subscription | None) -> None:
-        if subscription is not None:
-            self._batched.discard(subscription)
-            self.destroy_subscription(subscription)
 
     def _show(self, message: Image | CompressedImage) -> None:
         try:
@@ -245,16 +225,6 @@ def _decoded(message: Image | CompressedImage) -> Pixels | bytes:
         message.encoding, message.height, message.width, message.step, message.data,
         big_endian=bool(message.is_bigendian),
     )  # fmt: skip
-
-
-def _take(subscription: Subscription, kind: Any, most: int) -> Iterator[Any]:
-    """Yields the waiting messages of a subscription that is not served by an executor."""
-    with subscription.handle:
-        for _ in range(most):
-            taken = subscription.handle.take_message(kind, False)
-            if taken is None:
-                return
-            yield taken[0]
 
 
 def main() -> int:

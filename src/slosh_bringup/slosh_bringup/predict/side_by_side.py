@@ -1,4 +1,4 @@
-"""Draws predicted motions side by side, as a picture and as a page."""
+"""Draws predicted motions side by side, as a picture and as an HTML page."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def draw_acceleration(axes: Any, one: PredictedProfile, colours: Palette, top: f
 
 
 def render_page(facts: Sequence[Mapping[str, Any]], shown: Sequence[PredictedProfile]) -> str:
-    """Renders the page of predicted motions as HTML; all texts are escaped.
+    """Renders the HTML page of predicted motions; all texts in it are escaped.
 
     Args:
         facts: of all motions, as `slosh predict --json` gives them.

@@ -1,4 +1,4 @@
-"""Images and topics of a bag for the page of its replay."""
+"""Images and topics of a bag for the HTML page of its replay."""
 
 from __future__ import annotations
 

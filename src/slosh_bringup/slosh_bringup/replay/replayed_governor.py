@@ -47,7 +47,7 @@ _FIELDS = (
 
 
 class _FromTheStart:
-    """Selects recorded steps that follow a start without a gap; others have no known state."""
+    """Selects the recorded governor steps that follow its start without a gap."""
 
     def __init__(self) -> None:
         self._last = -1

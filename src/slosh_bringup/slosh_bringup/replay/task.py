@@ -263,7 +263,7 @@ def remove_unfinished(tasks: Sequence[Task]) -> None:
 
 
 def _check_pages(bag: Path) -> None:
-    """Raises an error if a page would be overwritten that no earlier replay wrote.
+    """Raises an error if an HTML page would be overwritten that no earlier replay wrote.
 
     Raises:
         SloshBringupError: they would be replaced.

@@ -32,7 +32,7 @@ def render_clicks(
     advice: str = SCALE,
     counts: tuple[int, int] = (2, 2),
 ) -> str:
-    """Returns the page that collects clicked image points, as HTML text.
+    """Returns the HTML page on which the user clicks image points, as text.
 
     Args:
         image: as `slosh calibrate` reads it, whose pixels are counted.

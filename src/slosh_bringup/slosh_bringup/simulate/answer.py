@@ -135,7 +135,7 @@ class SimulationAnswer:
         return found
 
     def _wall_facts(self) -> dict[str, float | None]:
-        """Returns the place on the wall for JSON; unknown values are None."""
+        """Returns where on the wall the liquid is highest, for JSON; unknown values are None."""
         facts = {**self.place._asdict()}
         if self.wall.crest_inside:
             facts |= {"crest_ratio": self.wall.crest_ratio, "crest_place": self.wall.crest_place}

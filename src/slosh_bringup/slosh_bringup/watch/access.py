@@ -47,7 +47,7 @@ class Access:
 
     @property
     def url(self) -> str:
-        """Address of the page, with the access token if there is one."""
+        """Address of the web page, with the access token if there is one."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         name = socket.gethostname() if self.host in ("0.0.0.0", "::") else host
         return f"http://{name}:{self.port}/" + (f"?{TOKEN}={self.token}" if self.token else "")
@@ -87,7 +87,7 @@ class Access:
 
 
 def _is_own_or_link(headers: Mapping[str, str]) -> bool:
-    """Whether a request comes from the page itself, or from a link on a page of the same host."""
+    """Whether a request comes from the watch page itself, or from a link on the same host."""
     site = headers.get("sec-fetch-site", "none")
     followed = headers.get("sec-fetch-mode") == "navigate"
     return site in ("none", "same-origin") or (site == "same-site" and followed)

@@ -33,7 +33,7 @@ class _Cell:
         self.worst = ""
 
     def row(self, name: str, now: float, *, own: bool) -> dict[str, Any]:
-        """Returns the cell's line in the list."""
+        """Returns the cell's line in the list of cells, for display."""
         compared = self.compared
         judgement = judge(
             compared.state if compared else None,
@@ -50,7 +50,7 @@ class _Cell:
         }  # fmt: skip
 
     def _nearest(self) -> tuple[float, float]:
-        """The height nearest to its limit, and that limit [m]; NaN if unknown."""
+        """The measured or estimated height nearest to its limit, and that limit [m], or NaN."""
         limits, compared = self.settings.limits, self.compared
         if compared is None:
             return math.nan, limits[Source.ESTIMATED]
@@ -74,7 +74,7 @@ class CellList:
         self._cells: dict[str, _Cell] = {own: _Cell()}
 
     def keep(self, names: Collection[str]) -> None:
-        """Removes the cells that are not in `names`, except the cell that this page shows."""
+        """Removes the cells that are not in `names`, except the one that the watch page shows."""
         for name in self._cells.keys() - {*names, self._own}:
             del self._cells[name]
 
@@ -91,7 +91,7 @@ class CellList:
             cell.settings = MonitorSettings.from_told(parameters)
 
     def take_report(self, name: str, report: NodeReport) -> None:
-        """Stores the port of a known cell's page, and the cell's worst container."""
+        """Stores the port of a known cell's watch page, and the cell's worst container."""
         cell = self._cells.get(name)
         if cell is None:
             return

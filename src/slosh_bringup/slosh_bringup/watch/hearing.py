@@ -1,4 +1,4 @@
-"""Passes the messages of a live or recorded cell to its page's state."""
+"""Passes the messages of a live or recorded cell to the state of its watch page."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ CAMERA, MODEL = "the camera", "the estimator"
 
 
 def hear_comparison(state: WatchState, message: Any, now: float) -> None:
-    """Adds a SloshComparison, received at a monotonic time [s], to the page's state."""
+    """Adds a SloshComparison, received at a monotonic time [s], to the watch page's state."""
     state.take_comparison(compared(message), now)
 
 
 def compared(message: Any) -> Compared:
-    """Returns the displayed fields of a SloshComparison."""
+    """Returns the fields of a SloshComparison that the watch page displays."""
     silent = ((CAMERA, message.measured_stale), (MODEL, message.estimate_stale))
     return Compared(
         stamp_ns(message),
@@ -49,7 +49,7 @@ def compared(message: Any) -> Compared:
 
 
 def hear_surface(state: WatchState, message: Any) -> None:
-    """Adds a FreeSurface message to the page's state."""
+    """Adds a FreeSurface message to the watch page's state."""
     state.take_surface(
         Surface(
             stamp_ns(message),
@@ -63,18 +63,18 @@ def hear_surface(state: WatchState, message: Any) -> None:
 
 
 def hear_estimate(state: WatchState, message: Any, now: float) -> None:
-    """Adds a SloshEstimate, received at a monotonic time [s], to the page's state."""
+    """Adds a SloshEstimate, received at a monotonic time [s], to the watch page's state."""
     highest = message.nonlinear
     state.take_estimate(Estimated(stamp_ns(message), highest.msh, highest.azimuth), now)
 
 
 def hear_fused(state: WatchState, message: Any) -> None:
-    """Adds a FusedEstimate message to the page's state."""
+    """Adds a FusedEstimate message to the watch page's state."""
     state.take_fused(Fused(stamp_ns(message), message.msh, message.msh_stddev))
 
 
 def hear_calm(state: WatchState, message: Any, now: float) -> None:
-    """Adds a Calm message, received at a monotonic time [s], to the page's state."""
+    """Adds a Calm message, received at a monotonic time [s], to the watch page's state."""
     state.take_calm(
         CalmNews(
             message.calm,
@@ -95,7 +95,7 @@ def hear_governed(state: WatchState, message: Any, now: float) -> None:
 
 
 def hear_event(state: WatchState, message: Any) -> None:
-    """Adds a LimitEvent message to the page's state."""
+    """Adds a LimitEvent message to the watch page's state."""
     state.take_event(
         LimitNews(
             stamp_ns(message),
@@ -109,7 +109,7 @@ def hear_event(state: WatchState, message: Any) -> None:
 
 
 def hear_start(state: WatchState, camera: Camera, start: NodeStart) -> None:
-    """Adds a node's settings to the page: limits, container or camera calibration."""
+    """Adds a node's settings to the watch page: limits, container or camera calibration."""
     state.take_parameters(start.node, start.parameters, goes_on=bool(start.changed))
     if start.node == "estimator":
         # Whoever speaks on that topic may say anything.

@@ -1,4 +1,4 @@
-"""Converts a recording to the page updates that a live viewer would have received."""
+"""Converts a recording to the watch-page updates that a live viewer would have received."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ rest [m]."""
 
 
 class RecordedFrames:
-    """Sequence of page updates made from a bag.
+    """Sequence of watch-page updates made from a bag.
 
     Args:
         bag: the bag.
@@ -78,12 +78,12 @@ class RecordedFrames:
         self.start = max(first_happening(self.frames) - BEFORE, 0)
 
     def about(self) -> dict[str, Any]:
-        """Returns what the page must know before it requests updates."""
+        """Returns what the watch page must know before it requests updates from a recording."""
         facts = {"name": self._bag.name, "frames": len(self.frames), "period": PERIOD}
         return {**facts, "start": self.start}
 
     def picture(self, frame: int) -> bytes | None:
-        """Returns the camera image and header for a page update, or None if there is no image."""
+        """Returns camera image and header for a watch-page update, or None if it has no image."""
         surface = self._surfaces[frame] if 0 <= frame < len(self._surfaces) else None
         if surface is None:
             return None
@@ -97,7 +97,7 @@ class RecordedFrames:
 
 
 def first_happening(frames: Sequence[str]) -> int:
-    """Returns the index of the first limit event, else of the first motion, else 0.
+    """Returns the index of the image with the first limit event, else the first motion, else 0.
 
     Args:
         frames: of a recording, as JSON.
@@ -133,7 +133,7 @@ class _Listener:
             )
 
     def frames(self) -> Iterator[tuple[str, Any]]:
-        """Yields page updates, each with the newest measured surface."""
+        """Yields watch-page updates, each with the newest measured surface."""
         end_ns = None
         for message in self.reader.messages(self._names):
             name = self._names[message.topic]

@@ -138,7 +138,7 @@ def _number(request: Request, name: str) -> int:
 
 
 async def _show(socket: WebSocket, hub: Hub) -> None:
-    """Sends new page updates to one viewer until cancelled."""
+    """Sends new updates of the watch page to one viewer until cancelled."""
     seen = (0, 0)
     while True:
         news = await hub.after(seen)
@@ -237,7 +237,7 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 class News(NamedTuple):
-    """Page updates and picture that a viewer has not received yet.
+    """Updates and picture for the watch page that a viewer has not received yet.
 
     Attributes:
         frames: as JSON, in their order.
@@ -251,7 +251,7 @@ class News(NamedTuple):
 
 
 class Hub:
-    """Distributes page updates and pictures to the viewers.
+    """Distributes updates and pictures of the watch page to its viewers.
 
     What is new is put once; each viewer takes what has come since it took last. A slow viewer
     gets more at once and at last misses what is older than the drawing; it holds nobody up.
@@ -268,7 +268,7 @@ class Hub:
         self._news = asyncio.Event()
 
     def put_frame(self, frame: str) -> None:
-        """Adds the next page update."""
+        """Adds the next update of the watch page."""
         self._frames.append(frame)
         self._last = (self._last[0] + 1, self._last[1])
         self._tell()
@@ -280,7 +280,7 @@ class Hub:
         self._tell()
 
     async def after(self, seen: tuple[int, int] = (0, 0)) -> News:
-        """Waits for page updates or a picture that a viewer has not received; returns them."""
+        """Waits for watch-page updates or a picture that a viewer lacks; returns them."""
         while seen == self._last:
             await self._news.wait()
         missed = min(self._last[0] - seen[0], len(self._frames))

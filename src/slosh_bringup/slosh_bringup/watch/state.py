@@ -1,4 +1,4 @@
-"""Collects the messages of a cell's topics and makes updates for its page.
+"""Collects the messages of a cell's topics and makes updates for its watch page.
 
 A frame holds what is new since the one before it, and what is true now. Heights are in metres,
 azimuths in radians, times in seconds from the first stamp; NaN is null. Time is an argument: live
@@ -114,7 +114,7 @@ class LimitNews(NamedTuple):
 
 
 class WatchState:
-    """Collects a cell's messages and makes updates for its page.
+    """Collects a cell's messages and makes updates for its watch page.
 
     Args:
         command: the command that finds why the two sides disagree; empty: none fits.
@@ -168,7 +168,7 @@ class WatchState:
             self._add(estimated.stamp_ns, math.nan, estimated.height)
 
     def take_fused(self, fused: Fused) -> None:
-        """Stores a fused estimate, to be drawn at the times of the other heights."""
+        """Stores a fused estimate, to be drawn at the stamps of measured or estimated heights."""
         self._fused.append(fused)
 
     def take_calm(self, calm: CalmNews, now: float) -> None:
@@ -192,7 +192,7 @@ class WatchState:
     def take_parameters(
         self, node: str, parameters: Mapping[str, Any], *, goes_on: bool = False
     ) -> None:
-        """Stores the monitor's limits; a restarted monitor has no exceeded limits.
+        """Stores the monitor's limits; after its restart, no limit counts as exceeded.
 
         Args:
             node: its name.
@@ -206,10 +206,13 @@ class WatchState:
         self._settings = MonitorSettings.from_told(parameters)
 
     def take_container(self, container: Container) -> None:
-        """Stores the container's side view and the height of its rim, for drawing."""
+        """Stores the container's views and the height of its rim, for drawing."""
         self._wall = container.wall
-        outline = np.round(container.silhouette, 5).tolist()
-        self._container = {"outline": outline, "rim": container.freeboard}
+        along, across = (np.round(container.side_view(axis), 5).tolist() for axis in (0, 1))
+        plan = np.round(container.corners * container.reaches, 5).tolist()
+        self._container = {"outline": along, "rim": container.freeboard, "plan": plan}
+        if across != along:
+            self._container["across"] = across
 
     def take_report(self, report: NodeReport, now: float) -> None:
         """Stores a node's diagnostics; the number of unknown nodes is limited."""
@@ -219,7 +222,7 @@ class WatchState:
         self._nodes[report.node] = (report, now)
 
     def frame(self, now: float) -> str:
-        """Returns the next page update as JSON; call it every PERIOD."""
+        """Returns the next update of the watch page as JSON; call it every PERIOD seconds."""
         compared = self._compared
         exceeded = "; ".join(event.description for event in self._open.values())
         judgement = judge(

@@ -204,7 +204,7 @@ def _enough(seen: Sequence[SeenCurve]) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaceSolution:
-    """Least-squares solution of the pose: parameters, corrections and covariance."""
+    """Least-squares solution: pose, corrections of lens and dimensions, covariance."""
 
     place: CameraPlace
     change: FloatArray
@@ -251,7 +251,7 @@ class _Problem:
         self._own_slope: FloatArray = np.vstack((-own, np.eye(self._own_size), rest))
 
     def solved(self) -> PlaceSolution:
-        """Solves for pose, corrections, covariance and the systematic error of each curve."""
+        """Solves for pose, corrections of lens and dimensions, and systematic curve errors."""
         begin = np.concatenate((self._start.place.numbers, self._start.change[self._open]))
         first = np.concatenate((begin / self._scale, np.zeros(self._own_size)))
         result = least_squares(
@@ -301,6 +301,8 @@ class _Problem:
 
     def _off_click(self, view: CupView) -> FloatArray:
         """Distance of the contact line from the user's click in standard deviations."""
+        if not np.isfinite(self._clicked.pixels).any():
+            return np.empty(0)
         away = distances(view, self._clicked) / TUNING.click_error
         return np.clip(away[np.isfinite(self._clicked.pixels[:, 1])], -_FAR, _FAR)
 

@@ -182,7 +182,7 @@ def _best_cone(
     sides: tuple[UprightLine, UprightLine],
     level: tuple[float, float] | None,
 ) -> CandidatePlace | None:
-    """Returns the level best supported by the image on a cone with two sides; None if none is."""
+    """Returns the best-supported level on a cone with two given sides; None if there is none."""
     left, right = sides
     cone = cone_from_sides(_line_rays(left, camera), _line_rays(right, camera), cup.taper)
     if cone is None:

@@ -253,7 +253,7 @@ class FreeSurfaceDetector:
         return on_inclined_wall(upright, self._view.cup, float(self._lesson.zero[0]))
 
     def _lower_bound(self, stamp_ns: int, found: _Found) -> Measurement:
-        """Returns a lower bound of the height if the surface lies beyond the image border."""
+        """Returns a lower bound of the height [m] where the image cuts the surface off."""
         points = found.fit.points
         cut = points.bound & (self._wall.first_row > 0)
         if Flag.SATURATED not in found.flags or not np.any(cut):

@@ -191,7 +191,7 @@ def _ordinary(residual: FloatArray) -> FloatArray:
 
 
 def _highest(around: FloatArray) -> tuple[float, float]:
-    """Returns interpolated height and azimuth of the maximum of a closed curve."""
+    """Returns interpolated height [m] and azimuth [rad] of a closed curve's maximum."""
     best = int(np.argmax(around))
     left, top, right = around[best - 1], around[best], around[(best + 1) % _BINS]
     bend = left - 2.0 * top + right

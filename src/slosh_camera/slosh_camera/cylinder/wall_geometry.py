@@ -78,7 +78,7 @@ class WallGeometry:
         return WallPoints(rows, azimuth, height, shapes, at_border, width, scale)
 
     def fade(self, softness: float) -> float:
-        """Returns the rear-wall height over which a wave crest fades in [m]."""
+        """Returns the rear-wall height [m] over which a wave crest fades into the background."""
         least, most = TUNING.fade_limits
         return self.footprint * min(max(softness / TUNING.sharp_rows, least), most)
 

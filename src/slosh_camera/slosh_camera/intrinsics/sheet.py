@@ -64,7 +64,7 @@ def sheet_of(target: Target) -> Sheet:
 
 
 def as_svg(sheet: Sheet) -> str:
-    """Formats the page as SVG in millimetres."""
+    """Formats the printable page of a calibration board as SVG in millimetres."""
     boxes = "".join(f"M{x:.4f} {y:.4f}h{w:.4f}v{h:.4f}h{-w:.4f}z" for x, y, w, h in sheet.black)
     x, y = sheet.place
     return (
@@ -78,7 +78,7 @@ def as_svg(sheet: Sheet) -> str:
 
 
 def as_pdf(sheet: Sheet) -> bytes:
-    """Formats the page as PDF 1.4 in its true size."""
+    """Formats the printable page of a calibration board as PDF 1.4 in its true size."""
     scale, top = _POINTS, sheet.height
     boxes = "\n".join(
         f"{scale * x:.4f} {scale * (top - y - h):.4f} {scale * w:.4f} {scale * h:.4f} re"

@@ -52,6 +52,12 @@ PARAMETERS = (
     ParameterSpec("transport", "raw", "kind of images to read", choices=("raw", "compressed")),
     ParameterSpec("container_frame", "container", "the container's frame, on all output"),
     ParameterSpec(
+        "container",
+        "",
+        "name of the container on a tray that the camera sees; it is also the frame on all "
+        "output, and part of the topics' names; empty: the first container, or the only one",
+    ),
+    ParameterSpec(
         "frame_rate",
         0.0,
         "image rate of the camera, to count missing images [Hz]; 0: determined from the stamps",
@@ -73,18 +79,20 @@ class CameraNode(PreparedNode):
     def __init__(self, *, later: bool = False) -> None:
         super().__init__("camera")
         self._given = given = declare(self, PARAMETERS)
-        self._frame = given["container_frame"]
+        self._container = given["container"]
+        self._frame = self._container or given["container_frame"]
         self._calibration = read_any_calibration(given["calibration"])
         self._rim = self._calibration.view.container.rim_level
         self._is_raw = given["transport"] == "raw"
-        self._image = topics.IMAGE if self._is_raw else topics.IMAGE_COMPRESSED
+        self._image = self._named(topics.IMAGE if self._is_raw else topics.IMAGE_COMPRESSED)
+        surfaces = self._named(topics.FREE_SURFACE)
         self._settings = SettingsPublisher(
             self, sources_digest("slosh_camera"), arithmetic_fingerprint(), given,
-            (self._image, topics.FREE_SURFACE),
+            (self._image, surfaces),
         )  # fmt: skip
         text = Path(given["calibration"]).read_text(encoding="utf-8")
         self._settings.publish({"calibration": text})
-        self._publisher = self.create_publisher(FreeSurface, topics.FREE_SURFACE, qos.STREAM_OUT)
+        self._publisher = self.create_publisher(FreeSurface, surfaces, qos.STREAM_OUT)
         self._gaps = FrameGaps(given["frame_rate"])
         self._flags: Counter[Flag] = Counter()
         self._recent = Flag.NONE
@@ -94,6 +102,10 @@ class CameraNode(PreparedNode):
         self._complaints = Complaints(self.get_logger().error)
         self._watch(self._health, self._facts)
         self._get_ready(later=later)
+
+    def _named(self, topic: str) -> str:
+        """Returns the name of a topic for the container that the camera sees."""
+        return topics.of_container(topic, self._container)
 
     def prepare(self, progress: Progress) -> None:
         """Compiles or loads the detector and passes it the image of the liquid at rest."""
@@ -109,7 +121,7 @@ class CameraNode(PreparedNode):
         if not self._is_raw:
             kind, use = (CompressedImage, self._on_compressed)
         self._looking = FollowingDetector(
-            self, self._calibration, self._detector,
+            self, self._calibration, self._detector, self._container,
             lambda found, stamp_ns: self._settings.publish(
                 {"calibration": format_calibration(found)}, stamp_ns
             ),
@@ -117,7 +129,7 @@ class CameraNode(PreparedNode):
         type_name = f"sensor_msgs/msg/{kind.__name__}"
         self._topic = SilentTopic(self, self._image, type_name)
         self._rivals = Rivals(self, self._image, type_name)
-        self._driver = DriverInfo(self, self._calibration.view.camera)
+        self._driver = DriverInfo(self, self._calibration.view.camera, self._container)
         self._input = NewestImage(self, kind, self._image, use)
 
     def _on_image(self, message: Image) -> None:

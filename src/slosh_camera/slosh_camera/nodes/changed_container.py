@@ -15,7 +15,9 @@ from slosh_camera.measurement import Flag, Measurement
 from slosh_camera.optics.calibration import AnyCalibration
 from slosh_camera.optics.refilled import refilled
 from slosh_model.errors import SloshModelError
+from slosh_model.model import Model
 from slosh_model.model_text import parse_model
+from slosh_model.tray import parse_tray
 from slosh_msgs.msg import ContainerChange
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds
@@ -42,6 +44,7 @@ class FollowingDetector:
         node: the node.
         calibration: of the container that was calibrated.
         detector: of that one, with what its still image taught.
+        place: name of the container on a tray; empty: the first, or the only one.
         changed: is told the calibration that holds from a stamp on [ns].
     """
 
@@ -50,11 +53,13 @@ class FollowingDetector:
         node: Node,
         calibration: AnyCalibration,
         detector: SurfaceDetector,
+        place: str,
         changed: Callable[[AnyCalibration, int], None],
     ) -> None:
         self._node, self._calibration, self._changed = node, calibration, changed
+        self._place = place
         self._start = self._now = self._next = _Looking(detector)
-        self._next_ns, self._told = 0, ""
+        self._next_ns, self._is_first = 0, True
         node.create_subscription(
             ContainerChange, topics.CONTAINER, self._on_change, qos.LATCHED_STREAM
         )
@@ -91,23 +96,43 @@ class FollowingDetector:
             self._next, self._next_ns = _Looking(self._start.detector, text, wrong=True), stamp_ns
 
     def _look(self, message: ContainerChange, stamp_ns: int) -> None:
-        before = self._next
-        told, self._told = self._told, f"{message.present} {message.model}"
-        if message.tray and told == self._told:
-            return  # another place of the tray has changed
-        if not message.present:
-            looking = before._replace(why_not="no container: the gripper is empty", wrong=False)
-        elif not message.model:
-            looking = self._start
-            if before is not looking:
+        before, is_first = self._next, self._is_first
+        self._is_first = False
+        if not message.model:  # the estimator has started
+            if before is not self._start:
+                self._next, self._next_ns = self._start, stamp_ns
                 self._changed(self._calibration, stamp_ns)
-        elif math.isnan(message.fill_height):
+            return
+        place, held = self._held(message)
+        if message.tray and not is_first and message.tray_place != place:
+            return  # another place of the tray has changed
+        if held is None:
+            looking = before._replace(why_not="no container: the gripper is empty", wrong=False)
+        elif not self._place and math.isnan(message.fill_height):
             looking = before  # another model of what is there
         else:
-            container = parse_model(message.model, f"{topics.CONTAINER}.model").container
-            found = refilled(self._calibration, container)
+            found = refilled(self._calibration, held.container)
             same = found is self._calibration
             looking = self._start if same else _Looking(detector_for(found))
             self._changed(found, stamp_ns)
         if looking is not before:
             self._next, self._next_ns = looking, stamp_ns
+
+    def _held(self, message: ContainerChange) -> tuple[str, Model | None]:
+        """Returns the name of the camera's place on the tray, and the model of what it holds.
+
+        The name is empty where there is no tray, the model None where the place is empty.
+
+        Raises:
+            SloshCameraError: the tray has no such place.
+            SloshModelError: the message cannot be read.
+        """
+        if message.tray:
+            tray = parse_tray(message.tray, f"{topics.CONTAINER}.tray")
+            place = self._place or tray.first.name
+            if place not in tray.names:
+                raise SloshCameraError(f"container = {place}: the tray has no such container")
+            one = tray.containers[tray.names.index(place)]
+            return place, None if one.empty else one.model
+        held = parse_model(message.model, f"{topics.CONTAINER}.model")
+        return "", held if message.present else None

@@ -86,16 +86,24 @@ def _other_lens(
 class DriverInfo:
     """Subscribes to the driver's camera_info and compares it with the calibration.
 
+    Args:
+        node: the node.
+        camera: of the calibration.
+        container: that the camera sees on a tray; empty: the first, or the only one.
+
     Attributes:
         contradiction: what it says otherwise than the calibration, in one line; empty: nothing.
     """
 
-    def __init__(self, node: Node, camera: PinholeCamera) -> None:
+    def __init__(self, node: Node, camera: PinholeCamera, container: str = "") -> None:
         self.contradiction = ""
         self._camera, self._logger = camera, node.get_logger()
+        images, info = (
+            topics.of_container(name, container) for name in (topics.IMAGE, topics.CAMERA_INFO)
+        )
         # Rectified images have no distortion left, whatever camera_info says of the raw ones.
-        self._raw = "rect" not in node.resolve_topic_name(topics.IMAGE)
-        node.create_subscription(CameraInfo, topics.CAMERA_INFO, self._take, qos.NEWEST_IN)
+        self._raw = "rect" not in node.resolve_topic_name(images)
+        node.create_subscription(CameraInfo, info, self._take, qos.NEWEST_IN)
 
     def _take(self, message: CameraInfo) -> None:
         # Of a part of the sensor, or of binned pixels, the numbers are not those of the image.

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from slosh_base.types import Array
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.box import Box, BoxView
-from slosh_model.containers import Container
+from slosh_model.containers import PRISMATIC, Container
 from slosh_model.shapes.revolution import RevolvedContainer
 
 _ROUNDS, _LEANING = 4, 12
@@ -50,6 +50,8 @@ class RoundBody(Box):
             raise SloshCameraError(
                 f"shape: a {container.shape} has no silhouette that tells heights; possible are "
                 "cylinder, rectangle and bodies of revolution"
+                + f"; along its y it is a rectangle of width {container.size:g} m, as which "
+                "`slosh calibrate --scale --model` describes it" * (container.section == PRISMATIC)
             )
         lean = float(np.hypot(1.0, min(abs(container.widening), _STEEPEST)))
         return cls(

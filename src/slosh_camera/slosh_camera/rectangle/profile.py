@@ -110,7 +110,7 @@ def _places(width: float) -> FloatArray:
 
 
 def _resampled(line: TracedLine, residual: FloatArray, x: FloatArray) -> FloatArray:
-    """Returns heights at given positions: fitted shape plus mean residual of nearby points."""
+    """Returns heights [m] at positions: fitted shape plus mean residual of nearby points."""
     reach = max(0.5 * float(x[1] - x[0]), TUNING.reach * line.pixel_height)
     start = np.searchsorted(line.x, x - reach)
     count = np.searchsorted(line.x, x + reach) - start
@@ -121,7 +121,7 @@ def _resampled(line: TracedLine, residual: FloatArray, x: FloatArray) -> FloatAr
 
 
 def _at_wall(line: TracedLine, residual: FloatArray, wall: float) -> float:
-    """Extrapolates the contact line's height to a wall, using residuals of nearby points.
+    """Extrapolates the contact line to a side wall, correcting a fit by residuals near the wall.
 
     The last pixels before the wall mix what is on either side, so the line is led on over them. On
     a round wall the shape alone tells it: there the line turns away from the camera.

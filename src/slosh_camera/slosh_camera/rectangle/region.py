@@ -26,7 +26,7 @@ _LEVELS = 9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RegionPlaces:
-    """Pixel positions in the region, as index arrays of equal shape."""
+    """Pixel positions in the image region of a side view, as index arrays of equal shape."""
 
     rows: IntArray
     columns: IntArray

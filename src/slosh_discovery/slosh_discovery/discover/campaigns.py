@@ -29,7 +29,7 @@ Members = tuple[int, ...]
 
 @dataclass(frozen=True, slots=True)
 class Campaigns:
-    """The members of each group of motions, and the effect whose parameters differ between groups.
+    """The members of each group of motions, and the modelled effect that differs between groups.
 
     Attributes:
         effect: whose parameters differ between the groups.
@@ -44,7 +44,7 @@ class Campaigns:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Normal:
-    """Normal equations of one motion for the parameters of one effect.
+    """Normal equations of one motion for the parameters of one modelled effect.
 
     Attributes:
         information: (P, P) in units of the parameters' spreads before any data.
@@ -58,7 +58,7 @@ class Normal:
 def find_campaigns(
     one: Fit, motions: Sequence[PreparedMotion], temperature: float
 ) -> Campaigns | None:
-    """Finds the likeliest grouping of motions by a sensor effect; None if all belong together.
+    """Finds the likeliest grouping of the motions by measuring set-up; None if all share one.
 
     Args:
         one: the best explanation of all motions together.
@@ -109,7 +109,7 @@ def grouping(normals: Sequence[Normal], effect: str) -> Campaigns:
 def normal_equations(
     one: Fit, name: str, motions: Sequence[PreparedMotion], temperature: float
 ) -> list[Normal]:
-    """Computes each motion's normal equations for an effect's parameters near neutral values.
+    """Computes each motion's normal equations for a modelled effect, near its neutral parameters.
 
     Clock offsets that are unknown follow; what else the explanation has stays.
     """
@@ -136,7 +136,7 @@ def normal_equations(
 
 
 def _normal(residual: Array, slopes: Array, clocks: Array, temperature: float) -> Normal:
-    """Returns normal equations without the part that a clock offset explains equally well."""
+    """Returns the normal equations with the clock offset projected out as a nuisance parameter."""
     own = clocks[:, np.any(clocks != 0.0, axis=0)]
     columns = np.column_stack([slopes, residual])
     if own.shape[1]:
@@ -168,7 +168,7 @@ def _joined(groups: Sequence[Members], one: Members, other: Members) -> list[Mem
 
 
 def _tells(effect: Effect) -> bool:
-    """Returns whether an effect acts in the sensor and is nearly linear near its neutral value."""
+    """Returns whether a modelled effect concerns only the sensor and is nearly linear."""
     return (
         effect.of_rig
         and effect.stages == (Stage.MEASUREMENT,)

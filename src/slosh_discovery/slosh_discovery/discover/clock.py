@@ -14,7 +14,7 @@ from slosh_model.model import Model
 
 
 def first_offset(one: PreparedMotion, base: Model) -> float:
-    """Returns the clock offset [s] that best correlates measured and expected heights.
+    """Returns the clock offset [s] that best correlates measured and modelled heights.
 
     Expected are the heights of the model's three-dimensional nonlinear twin in the container's
     attitude: a motion looks much the same in every model, and most in the fullest. Alike is what

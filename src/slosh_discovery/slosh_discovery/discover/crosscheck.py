@@ -17,7 +17,7 @@ MotionSet = list[tuple[PreparedMotion, float]]
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
-    """Residual of motions, predicted with parameters that were fitted to other motions.
+    """Residuals of motions that were predicted with parameters fitted to other motions.
 
     Attributes:
         chi_square: sum of its squares, in units of the noise.

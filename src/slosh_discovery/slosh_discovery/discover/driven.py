@@ -22,7 +22,8 @@ from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.interpolation import columns_at
 from slosh_model.measure import measured_heights, reading_clock
 from slosh_model.model import Model
-from slosh_model.simulate import Inputs, Response
+from slosh_model.response import Response
+from slosh_model.simulate import Inputs
 
 MOST_COLUMNS = 150
 STEP = 1e-6
@@ -174,7 +175,7 @@ def read_directions(motion: PreparedMotion, model: Model, moments: Array, liquid
     if motion.azimuths is None:
         flat = np.linalg.norm(found, axis=2) < TUNING.flat
         found[flat] = (1.0, 0.0)
-    if model.container.cornered or not len(inputs.poses):
+    if model.container.follows_yaw or not len(inputs.poses):
         return found
     yaw = np.interp(moments, inputs.t, inputs.yaws)[:, np.newaxis]
     x, y = found[..., 0], found[..., 1]

@@ -1,4 +1,4 @@
-"""A candidate model: effects with free parameters, added to the base model."""
+"""A candidate model: physical effects with free parameters, added to the base model."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Free(NamedTuple):
 
 @dataclass(frozen=True)
 class Explanation:
-    """Effects added to a base model; an effect that the base already has is fitted again.
+    """Physical effects added to a base model; one that the base already has is fitted again.
 
     Attributes:
         base: the model that they are added to.
@@ -78,7 +78,7 @@ class Explanation:
 
     @cached_property
     def widths(self) -> Array:
-        """Plausible range (P,) of each free parameter."""
+        """Width (P,) of each free parameter's plausible range."""
         ranges = (plausible(one.parameter) for one in self.free)
         return np.array([high - low for low, high in ranges])
 
@@ -106,7 +106,7 @@ class Explanation:
         return lower, upper
 
     def model(self, vector: Array, group: str | None = None) -> Model | None:
-        """Returns the candidate model of a group of motions, or None if it is impossible.
+        """Returns the candidate model for a group of motions; None for impossible parameters.
 
         Args:
             vector: (P,) the free parameters.
@@ -125,7 +125,7 @@ class Explanation:
     def with_effect(
         self, name: str, chosen: Mapping[str, float], *, per_group: bool = False
     ) -> Explanation:
-        """Returns a copy with one more effect and its discrete choices."""
+        """Returns a copy with one more physical effect, and the chosen variant of it."""
         return replace(
             self,
             effects=tuple(sorted((*self.effects, name))),
@@ -134,11 +134,11 @@ class Explanation:
         )
 
     def without(self, name: str) -> Explanation:
-        """Returns a copy without one effect."""
+        """Returns a copy of the candidate model without one physical effect."""
         return self.only(tuple(effect for effect in self.effects if effect != name))
 
     def only(self, names: Sequence[str]) -> Explanation:
-        """Returns a copy with only the named effects."""
+        """Returns a copy of the candidate model with only the named physical effects."""
         return replace(
             self,
             effects=tuple(effect for effect in self.effects if effect in names),
@@ -147,16 +147,16 @@ class Explanation:
         )
 
     def shared(self, name: str) -> Explanation:
-        """Returns a copy in which all groups share the parameters of one effect."""
+        """Returns a copy in which all groups of motions share the parameters of one effect."""
         return replace(self, per_group=tuple(e for e in self.per_group if e != name))
 
     def simpler(self) -> list[Explanation]:
-        """Returns copies with one effect less, or with one effect shared by all groups."""
+        """Returns copies with one physical effect less, or with one shared by all motions."""
         less = [self.without(name) for name in self.effects]
         return [*less, *(self.shared(name) for name in self.per_group)]
 
     def part(self, vector: Array, name: str, group: str | None = None) -> dict[str, float]:
-        """Returns the parameters of one effect from a parameter vector, with its discrete choices.
+        """Returns a physical effect's parameters from a parameter vector, with its variant.
 
         Args:
             vector: (P,).
@@ -179,7 +179,7 @@ class Explanation:
 
 
 def starts(name: str) -> Iterator[tuple[dict[str, float], dict[str, float]]]:
-    """Yields initial values of an effect's free parameters for each of its discrete choices."""
+    """Yields initial values of a physical effect's free parameters for each of its variants."""
     parameters = EFFECTS[name].parameters
     values = [
         parameter.choices or parameter.starts or (_centre(parameter),) for parameter in parameters

@@ -41,7 +41,7 @@ class Role(Enum):
 
 @dataclass(frozen=True, slots=True)
 class FittedParameters:
-    """Fitted parameters of one effect, with standard errors.
+    """Fitted parameters of one physical effect, with standard errors.
 
     Attributes:
         parameters: fitted values, all of them, in the effect's order.
@@ -54,7 +54,7 @@ class FittedParameters:
 
 @dataclass(frozen=True, slots=True)
 class FoundEffect:
-    """An effect that the discovery names, with its parameters and confidence.
+    """A physical effect that the discovery names, with its parameters and confidence.
 
     Attributes:
         name: its id.
@@ -78,7 +78,7 @@ class FoundEffect:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A candidate model that was tried: one or several effects added to the base model.
+    """A candidate model that was tried: one or several physical effects added to the base model.
 
     Attributes:
         effects: ids; empty: the base model as it is.
@@ -103,7 +103,7 @@ class Candidate:
 
     @property
     def per_group(self) -> tuple[str, ...]:
-        """Ids of the effects that have separate parameters for each group of motions."""
+        """Ids of the physical effects whose parameters differ between groups of motions."""
         return tuple(next(iter(self.by_group.values()), {}))
 
 

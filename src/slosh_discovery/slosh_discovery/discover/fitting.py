@@ -56,7 +56,7 @@ class Fit:
 
     @property
     def model(self) -> Model:
-        """The fitted model, without the effects whose parameters differ between groups."""
+        """The fitted model, without effects whose parameters differ between groups of motions."""
         return self.model_of(None)
 
     def model_of(self, group: str | None) -> Model:

@@ -39,7 +39,7 @@ def closed_share(before: float, after: float, noise: float, samples: int) -> flo
 
 
 def total_gap(cases: Sequence[MotionFinding]) -> HeightGap:
-    """Returns the errors over all motions; each measured height has equal weight."""
+    """Returns the rms errors before and after a discovery over all motions, equally weighted."""
     fitted = [case for case in cases if case.role is Role.FIT]
     others = [case for case in cases if case.role is Role.HOLDOUT]
     fit_before, fit_after, fit_closed = _closed(fitted)
@@ -67,7 +67,7 @@ def is_worse(gap: HeightGap) -> bool:
 
 
 def _closed(cases: Sequence[MotionFinding]) -> tuple[float, float, float]:
-    """Returns the rms errors before and after [m], and the share that was removed."""
+    """Returns the rms errors before and after a discovery [m], and the share that it removed."""
     before = _pooled([case.before.rms for case in cases], cases)
     after = _pooled([case.after.rms for case in cases], cases)
     noise = _pooled([case.noise for case in cases], cases)

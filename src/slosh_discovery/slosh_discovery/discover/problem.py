@@ -24,7 +24,8 @@ from slosh_model.effects.registry import EFFECTS
 from slosh_model.interpolation import columns_at
 from slosh_model.measure import ReadingClock, measured_heights, reading_clock, remembers
 from slosh_model.model import Model
-from slosh_model.simulate import Inputs, Response
+from slosh_model.response import Response
+from slosh_model.simulate import Inputs
 
 LONGEST_STEP = TUNING.input_spacing * (1.0 + 1e-6)
 """Of the integrator: one step leads from input to input, however their spacing is rounded."""
@@ -286,7 +287,7 @@ def heights_of_liquids(models: Sequence[Model], inputs: Sequence[Inputs]) -> lis
 
 
 def _liquids(models: Sequence[Model]) -> list[Model]:
-    """Returns each model's liquid; models that differ only in the sensor share one object.
+    """Returns each model without its sensor effects; models that are then equal share one object.
 
     Many motions share one model, and a model's hash goes through all of its parameters.
     """
@@ -300,7 +301,7 @@ def _liquids(models: Sequence[Model]) -> list[Model]:
 
 
 def liquid_alone(model: Model) -> Model:
-    """Returns the model without its effects on the measurement."""
+    """Returns the model without the modelled effects that act on the measurement only."""
     kept = tuple(use for use in model.effects if EFFECTS[use.name].stages != (Stage.MEASUREMENT,))
     return model if len(kept) == len(model.effects) else replace(model, effects=kept)
 

@@ -194,7 +194,7 @@ def _extended(problem: _Problem, start: _Fit) -> _Fit | None:
 
 
 def _try(problem: _Problem, start: _Fit, index: int) -> tuple[float, float] | None:
-    """Returns a term's best sum of squares and initial coefficient; None without a solution."""
+    """Returns an equation term's best sum of squares and initial coefficient, or None."""
     tried = []
     for size in (*SIZES, *(-size for size in SIZES)):
         coefficient = size * float(problem.units[index])

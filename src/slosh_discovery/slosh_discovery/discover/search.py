@@ -1,4 +1,4 @@
-"""Searches for missing effects: adds them to the model one by one and removes them again.
+"""Searches for missing physical effects: adds them to the model one by one, and removes some.
 
 Every single effect is fitted. Where the best leaves more than noise, the best few are extended:
 for each further effect the linearised fit tells what it could gain, and the most promising are
@@ -49,14 +49,14 @@ class Start:
 
 @dataclass(slots=True)
 class Pool:
-    """All fitted candidate models, and the effects that change nothing in these motions."""
+    """All fitted candidate models, and the physical effects without influence on these motions."""
 
     motions: Sequence[PreparedMotion]
     fits: dict[Key, Fit] = field(default_factory=dict)
     without_effect: dict[str, str] = field(default_factory=dict)
 
     def add(self, fits: Iterable[Fit]) -> None:
-        """Adds fits; of two fits of the same effects it keeps the better one."""
+        """Adds fits; of two fits with the same physical effects it keeps the better one."""
         for one in fits:
             known = self.find(one.explanation)
             if known is None or one.chi_square < known.chi_square:
@@ -68,7 +68,7 @@ class Pool:
 
     @property
     def base(self) -> Fit:
-        """The fit of the base model without added effects."""
+        """The fit of the base model without added physical effects."""
         return self.fits[(), ()]
 
     def ranked(self) -> list[Fit]:
@@ -130,7 +130,7 @@ def leftover(one: Fit, motions: Sequence[PreparedMotion]) -> Leftover:
 
 
 class Search:
-    """One search for the effects that explain given motions.
+    """One search for the physical effects that explain given motions.
 
     Args:
         base: the model that came in.
@@ -171,7 +171,7 @@ class Search:
         return pool
 
     def _add_effects(self, pool: Pool) -> None:
-        """Extends the best models by further effects while they leave more than noise."""
+        """Extends the best models by further effects while the residual exceeds noise."""
         for size in range(1, TUNING.most_effects):
             ranked = pool.ranked()
             beam = [one for one in ranked if len(one.explanation.effects) == size]
@@ -261,7 +261,7 @@ class Search:
 
     @staticmethod
     def _ways(explanation: Explanation, name: str) -> tuple[bool, ...]:
-        """Returns whether an effect is tried with shared parameters, separate ones, or both."""
+        """Returns whether an effect is tried with parameters shared by all groups, or separate."""
         return (False, True) if _may_differ(explanation, name) else (False,)
 
     def _may_join(self, name: str, explanation: Explanation) -> bool:
@@ -280,7 +280,7 @@ class Search:
         return list(self._executor.map(run, chosen))
 
     def _starts(self, one: Fit, name: str) -> tuple[list[Start], bool]:
-        """Returns initial values for one more effect, and whether it changes the heights."""
+        """Returns one more effect's initial values, and whether it changes the heights."""
         found, visible = [], False
         offsets = np.array(one.clock_offsets)
         carried = _carried(one)
@@ -305,7 +305,7 @@ class Search:
 
 
 def _carried(one: Fit) -> Part:
-    """Returns a function that gives a fit's parameters by effect and group."""
+    """Returns a function that gives a fit's parameters by physical effect and group of motions."""
     explanation = one.explanation
 
     def part(name: str, group: str | None) -> dict[str, float]:
@@ -333,7 +333,7 @@ def _neighbours(explanation: Explanation) -> list[Explanation]:
 
 
 def _may_differ(explanation: Explanation, name: str) -> bool:
-    """Returns whether an effect may have separate parameters for each group."""
+    """Returns whether an effect may have separate parameters for each group of motions."""
     free = any(parameter.choices is None for parameter in EFFECTS[name].parameters)
     return EFFECTS[name].of_rig and free and len(explanation.groups) > 1
 

@@ -307,7 +307,7 @@ def _whitening(part: _Part, shape: _Shape) -> Whitening:
 
 
 def _likelihood(parts: Sequence[_Part], shape: _Shape) -> tuple[float, float]:
-    """Returns the log likelihood and the most probable size [m] of a noise."""
+    """Returns the log likelihood and the most probable standard deviation [m] of a noise."""
     square, volume = 0.0, 0.0
     for part in parts:
         whitening = _whitening(part, shape)

@@ -271,7 +271,7 @@ def _needs_rotation(pair: _Pair) -> bool:
 
 
 def _difference(first: Model, second: Model) -> Iterator[str]:
-    """Yields the names of the effects in which two models differ."""
+    """Yields the names of the physical effects in which two models differ."""
     ours, theirs = (
         {use.name: dict(use.parameters) for use in model.effects} for model in (first, second)
     )

@@ -145,7 +145,7 @@ def rejected(judgement: ChosenExplanation, base: Fit) -> ChosenExplanation:
 
 
 def _contenders(worthy: Sequence[Fit], pool: Pool) -> list[Fit]:
-    """Returns the most probable candidate models, all subsets of their effects and the base."""
+    """Returns the best candidate models, with all subsets of their effects and the base model."""
     chosen: dict[Key, Fit] = {pool.base.explanation.key: pool.base}
     for one in worthy[: TUNING.contenders]:
         effects = one.explanation.effects
@@ -233,7 +233,7 @@ def _without_mean(heights: Array) -> Array:
 
 
 def trust_in(before: Leftover, after: Leftover) -> float:
-    """Returns the probability that a listed effect is the cause, from the remaining error.
+    """Returns the probability that a listed physical effect is the cause, from the error left.
 
     Also where what is left is little beside the noise: of a small gap it may be a large part, and
     a law that is nearly the right one leaves no more.
@@ -246,7 +246,7 @@ def trust_in(before: Leftover, after: Leftover) -> float:
 
 
 def _rivals(name: str, ranked: Sequence[tuple[Fit, float]]) -> tuple[str, ...]:
-    """Returns effects that could replace an effect with about the same probability."""
+    """Returns physical effects that could replace one with about the same probability."""
     best, share = ranked[0]
     others = set(best.explanation.effects) - {name}
     found: list[str] = []

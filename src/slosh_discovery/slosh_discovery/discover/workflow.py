@@ -66,7 +66,7 @@ def discover(
     progress: Progress | None = None,
     threads: int | None = None,
 ) -> Finding:
-    """Finds which effect a model lacks to explain measured motions.
+    """Finds which physical effect a model lacks to explain measured motions.
 
     Args:
         motions: what the fit sees.
@@ -151,7 +151,7 @@ def _check_answers(base: Model, motions: Sequence[PreparedMotion]) -> None:
 def _judged(
     base: Model, plain: Sequence[PreparedMotion], told: Progress, threads: int
 ) -> tuple[Searched, ChosenExplanation]:
-    """Searches for effects and judges them; repeats both with groups found in the motions."""
+    """Searches for physical effects and judges them, again after motions have been grouped."""
     searched = search_in_rounds(base, plain, told, threads)
     best = searched.pool.ranked()[0]
     ungrouped = all(one.motion.group is None for one in plain)

@@ -142,7 +142,7 @@ def _force_topic(path: Path, reader: BagReader, name: str) -> str:
 
 
 def _forces(reader: BagReader, topic: str) -> tuple[Any, Array]:
-    """Returns stamps (K,) [ns], from the header if it has one, and forces (K, 3)."""
+    """Returns stamps (K,) [ns], from message headers if there are any, and forces (K, 3)."""
     stamps, rows = [], []
     for message in reader.messages({topic}):
         decoded = reader.decode(message)

@@ -55,7 +55,7 @@ def sample_noise(height: Array) -> float:
 
 
 def find_still(t: Array, height: Array) -> Still:
-    """Returns still level and noise of the quietest second of the heights.
+    """Returns still level and noise [m] of the quietest second of the heights.
 
     Args:
         t: (N,) rising times [s].

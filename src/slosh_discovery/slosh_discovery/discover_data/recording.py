@@ -141,7 +141,7 @@ class _Container:
         self._imu, self._poses = AttitudeCollector(how.frames[1]), PoseAttitudes(how.frames[0])
 
     def takers(self, topics: Mapping[str, TopicInfo]) -> dict[str, Taker]:
-        """Returns the handlers for the topics of a bag that supplement the input."""
+        """Returns message handlers by topic, for topics that supplement the input's topic."""
         found: dict[str, Taker] = {}
         if self._kind != "accel":
             return found
@@ -207,7 +207,7 @@ class _Comparisons:
         self._parts.append(Residuals(stamps_of(columns)[kept], values[kept]))
 
     def residuals(self) -> Residuals:
-        """Returns the residuals of all complete comparisons."""
+        """Returns the height residuals of all complete comparisons [m]."""
         if not self._parts:
             return Residuals(np.empty(0, dtype=np.int64), np.empty(0))
         stamps, values = (np.concatenate(column) for column in zip(*self._parts, strict=True))

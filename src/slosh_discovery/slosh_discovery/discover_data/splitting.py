@@ -117,7 +117,7 @@ class _Rest:
         self._limit = max(AT_REST_NOISES * self._still.noise, AT_REST_SHARE * peak)
 
     def sloshes_before(self, stamp_ns: int, last_end_ns: int) -> bool:
-        """Returns whether the liquid still moves at a stamp, after the last motion ended [ns]."""
+        """Returns whether the liquid still moves at a stamp, given the last motion's end [ns]."""
         if stamp_ns - last_end_ns > LONG_REST_NS:
             return False
         look_from = max(stamp_ns - LOOK_NS, last_end_ns)
@@ -138,7 +138,7 @@ class _Rest:
 
 
 def _until_rest(spans: Sequence[MotionSpan], rest: _Rest) -> list[MotionSpan]:
-    """Returns the motions from the first one on that begins at rest."""
+    """Returns the motions, starting with the first one that begins with liquid at rest."""
     for index in range(1, len(spans)):
         if not rest.sloshes_before(spans[index].start_ns, spans[index - 1].end_ns):
             return list(spans[index:])

@@ -1,4 +1,4 @@
-"""Reads bags in which the heights have a clock and a zero of their own.
+"""Reads bags whose measured heights have another clock and another zero than the motion.
 
 Such a bag is one run. The measured times are shifted so that the heights lie over the motion as
 well as a model can tell; what is left of the offset is unknown and small.
@@ -85,13 +85,13 @@ def unrelated_motion(
 
 
 def noted_model(facts: Mapping[str, str]) -> Model | None:
-    """Returns a model of water in the container that a bag's metadata name; None without."""
+    """Returns a model of water in the container that a bag's metadata name, or None."""
     container = noted_container(facts)
     return None if container is None else plain(Model(container))
 
 
 def plain(model: Model) -> Model:
-    """Returns the 3D nonlinear model of a model's container and liquid, without its effects."""
+    """Returns the 3D nonlinear model of a model's container and liquid, without any effects."""
     effectless = Model(model.container, model.liquid, model.damping_ratio)
     return effectless.spatial().nonlinear()
 
@@ -156,7 +156,7 @@ def _peak_offset(t: Array, felt: Array, measured_t: Array, height: Array) -> flo
 
 
 def felt_acceleration(motion: RecordedMotion) -> Array:
-    """Returns the acceleration (N, 3) [m/s²] that excites the liquid, with gravity by tilt.
+    """Returns the exciting acceleration (N, 3) [m/s²], with gravity's part along a tilted floor.
 
     Rz(ψ) Rᵀ (a + g ẑ) - g ẑ in axes that do not follow the yaw ψ. Only the offset is found by it:
     whether the model knows about tilt is for the discovery to find.

@@ -114,7 +114,7 @@ def discovery_document(report: DiscoveryReport) -> Document:
 
 
 def _effect(effect: FoundEffect) -> Document:
-    """Returns an effect as a dictionary with its parameters' SI units ("1" if dimensionless)."""
+    """Returns a physical effect as a dictionary, with its parameters' SI units ("1" if none)."""
     sets = [effect.parameters, *(one.parameters for one in effect.by_group.values())]
     units = {name: si_unit(effect.name, name) for one in sets for name in one}
     return {**plain(effect), "units": units}

@@ -73,7 +73,7 @@ TURNING = 1e-3
 
 
 def render_discovery(report: DiscoveryReport) -> str:
-    """Renders the page of a discovery as HTML; every text in it is escaped."""
+    """Renders the HTML page of a discovery; every text in it is escaped."""
     finding, document = report.finding, discovery_document(report)
     drawn = drawn_motions(finding)
     return _template().render(
@@ -121,7 +121,7 @@ def drawn_motions(finding: Finding) -> list[int]:
 
 
 def _charts(report: DiscoveryReport, drawn: Sequence[int]) -> dict[str, Markup]:
-    """Returns the charts of the page as SVG, by name."""
+    """Returns the charts of a discovery's HTML page as SVG, by name."""
     finding = report.finding
     charts: dict[str, str | None] = {}
     for index in drawn:
@@ -243,7 +243,7 @@ def fitted_by_group(
 
 
 def named_set(names: Sequence[str], per_group: Sequence[str] = ()) -> Markup:
-    """Formats a set of effects as HTML without line breaks inside their names."""
+    """Formats a set of physical effects as HTML, without line breaks inside their names."""
     ids = (
         Markup('<span class="id" title="{}">{}</span>').format(
             words.effect_meaning(name), shown_as
@@ -344,7 +344,7 @@ def turning_chart(motion: SeparatingMotion, size: Size, name: str) -> str | None
 
 
 def turning_of(inputs: Inputs) -> tuple[Array, str] | None:
-    """Returns tilt and yaw (N, 2) [rad] or rates (N, 3) [rad/s] with a label; None if level."""
+    """Returns labelled tilt and yaw (N, 2) or rates (N, 3) [rad/s], or None without rotation."""
     if inputs.attitude is not None:
         x, y, z, w = (inputs.attitude / np.linalg.norm(inputs.attitude, axis=1)[:, None]).T
         upright = np.clip(1.0 - 2.0 * (x**2 + y**2), -1.0, 1.0)

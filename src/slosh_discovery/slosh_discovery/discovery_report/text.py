@@ -81,7 +81,7 @@ def _parameters(effect: FoundEffect) -> list[str]:
 
 
 def _sets(effect: FoundEffect) -> list[tuple[str, FittedParameters]]:
-    """Returns an effect's parameters, or those of each group with the group's name."""
+    """Returns a physical effect's parameters, or those of each named group of motions."""
     if effect.by_group:
         return [(f"{group}: ", one) for group, one in effect.by_group.items()]
     return [("", FittedParameters(effect.parameters, effect.standard_errors))]

@@ -1,4 +1,4 @@
-"""Words and formatted numbers that the page, the text and the JSON of a discovery share."""
+"""Words and formatted numbers that a discovery's page, text and JSON share."""
 
 from __future__ import annotations
 
@@ -49,22 +49,22 @@ def part_name(by: str) -> str:
 
 
 def effect_title(name: str) -> str:
-    """Returns the title of an effect, or its id if the effect is unknown."""
+    """Returns the title of a physical effect, or its id if the effect is unknown."""
     return EFFECTS[name].title if name in EFFECTS else name
 
 
 def effect_meaning(name: str) -> str:
-    """Returns the meaning of an effect in one sentence, or an empty text if it is unknown."""
+    """Returns the meaning of a physical effect in one sentence; empty if it is unknown."""
     return EFFECTS[name].meaning if name in EFFECTS else ""
 
 
 def explanation(names: Iterable[str]) -> str:
-    """Joins the names of effects to the name of a candidate model."""
+    """Joins the names of physical effects to the name of a candidate model."""
     return " + ".join(names) or AS_IT_IS
 
 
 def marked(names: Iterable[str], per_group: Sequence[str]) -> list[str]:
-    """Marks the ids of effects that have separate parameters for each group."""
+    """Marks the ids of effects that have separate parameters for each group of motions."""
     return [f"{name} {PER_GROUP}" if name in per_group else name for name in names]
 
 
@@ -125,7 +125,7 @@ def verdict_sentence(finding: Finding) -> str:
 
 
 def gap_sentence(finding: Finding) -> str:
-    """Describes the change of the error in one sentence."""
+    """Describes in one sentence how much the discovery reduces the height error."""
     gap = finding.gap
     held = math.isfinite(gap.holdout_before)
     before = gap.holdout_before if held else gap.fit_before
@@ -173,7 +173,7 @@ def apart(
 
 
 def _split(effects: Iterable[FoundEffect]) -> tuple[list[FoundEffect], list[FoundEffect]]:
-    """Splits effects into new ones and those that only got new parameters."""
+    """Splits physical effects into added ones and those that only got new parameters."""
     effects = list(effects)
     return (
         [effect for effect in effects if not effect.refitted],

@@ -98,7 +98,7 @@ class ForceProblem:
         return basis
 
     def linear(self, basis: Array) -> Linear:
-        """Fits masses and sensor zeros to the measured force, given the columns."""
+        """Fits masses and sensor zeros to the measured force, given the columns of `basis`."""
         measured = self.data.force @ self.sensor
         weighted = (basis * self.weights[:, :, None]).reshape(-1, basis.shape[2])
         wanted = (measured * self.weights).ravel()

@@ -18,7 +18,8 @@ from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.parameters import DAMPING, FREQUENCY
-from slosh_model.simulate import Inputs, Response, simulate
+from slosh_model.response import Response
+from slosh_model.simulate import Inputs, simulate
 
 SPRING = "surface_nonlinearity"
 """High waves in a round container are not those of a linear spring; low ones do not feel it."""
@@ -28,7 +29,7 @@ STIFFNESS = f"{SPRING}.alpha"
 def liquid_model(model: Model) -> Model:
     """Returns the model with a second mode and, where the container has it, a stiffness term."""
     model = replace(model, modes=min(max(model.modes, 2), model.container.most_modes))
-    if model.container.cornered or model.has(SPRING):
+    if model.container.follows_yaw or model.has(SPRING):
         return model
     try:
         return model.with_effect(SPRING)
@@ -63,8 +64,9 @@ def response_force(model: Model, inputs: Inputs, response: Response) -> Array:
         shares = [container.mass_ratio(n + 1, axis) / first for axis in (X_AXIS, Y_AXIS)]
         speed += response.modal[:, n, 2:4] * shares
     force = np.asarray(np.gradient(speed, step, axis=0), dtype=np.float64)
-    if not container.cornered:
-        force = turned(force, -inputs.yaws)
+    azimuth = model.modal_azimuth(inputs.yaws)
+    if azimuth.any():
+        force = turned(force, azimuth)
     return np.column_stack([force, np.zeros(len(force))])
 
 

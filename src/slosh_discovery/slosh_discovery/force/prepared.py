@@ -50,7 +50,7 @@ class PreparedForce:
     notes: tuple[str, ...]
 
     def below_cutoff(self, values: Array) -> Array:
-        """Returns the low-pass filtered values (N, …)."""
+        """Returns values (N,) low-pass filtered below the cutoff frequency."""
         return np.asarray(sosfiltfilt(self.band, values, axis=0), dtype=np.float64)
 
     def at(self, values: Array, delay: float) -> Array:

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 from slosh_base.types import Array
 from slosh_discovery.force.tuning import TUNING
+from slosh_estimator.sensed.payload import UNITS
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """A number and its standard error.
+    """An identified number and its standard error.
 
     Attributes:
         value: in SI units.
@@ -43,6 +44,9 @@ class ForceIdentification:
         unit: of the force as recorded.
         unobserved: what this record cannot tell, in a sentence; empty: nothing of this.
         notes: what was left out or assumed, a sentence each.
+        t: (n,) times of the fitted forces [s].
+        measured, modelled: (n, k) force along the sensor's directions, below the cutoff [N].
+        liquid: (n, k) the liquid's part of the modelled one [N].
     """
 
     name: str
@@ -59,15 +63,17 @@ class ForceIdentification:
     unit: str
     unobserved: str
     notes: tuple[str, ...]
+    t: Array
+    measured: Array
+    modelled: Array
+    liquid: Array
 
 
 NEWTON = "N"
-UNITS = {NEWTON: 1.0, "kgf": 9.80665, "lbf": 4.4482216, "mN": 1e-3, "kN": 1e3, "gf": 9.80665e-3}
-"""Units of force [N]."""
 
 
 def likely_unit(mass: float, expected: float) -> str:
-    """Returns the unit of force in which the sloshing mass best matches the expected one [kg].
+    """Returns the unit of force for which the sloshing mass best matches the model's [kg].
 
     Newton, where no unit fits much better: the mass may be another one.
     """

@@ -8,7 +8,8 @@ from dataclasses import replace
 from typing import Any
 
 from slosh_base.types import Array
-from slosh_discovery.force.result import UNITS, ForceIdentification, Measured
+from slosh_discovery.force.result import ForceIdentification, Measured
+from slosh_estimator.sensed.payload import UNITS
 from slosh_model.model import Model
 
 AXES = "xyz"

@@ -14,12 +14,12 @@ from slosh_discovery.force.prepared import PreparedForce, prepared
 from slosh_discovery.force.record import ForceRecord
 from slosh_discovery.force.result import (
     NEWTON,
-    UNITS,
     ForceIdentification,
     Measured,
     likely_unit,
 )
 from slosh_discovery.force.tuning import TUNING
+from slosh_estimator.sensed.payload import UNITS
 from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.model import Model
 from slosh_model.parameters import DAMPING, FREQUENCY
@@ -98,6 +98,7 @@ def _result(
     frequency, damping = values[FREQUENCY], values[DAMPING]
     known = fit.problem.start
     alpha = fit.problem.stiffness
+    measured = data.force @ fit.problem.sensor
     return ForceIdentification(
         name=record.name,
         natural_frequency=_with_model_error(
@@ -122,6 +123,10 @@ def _result(
         unit=unit,
         unobserved=unobserved(fit.problem.across, data, frequency),
         notes=tuple(notes),
+        t=data.inputs.t[data.rows],
+        measured=measured * newton,
+        modelled=(measured + fit.linear.residual) * newton,
+        liquid=fit.linear.basis[:, :, 1] * fit.linear.values[1] * newton,
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from jinja2 import Template
 from markupsafe import Markup
+from scipy.interpolate import BarycentricInterpolator
 
 from slosh_base.types import Array
 from slosh_discovery.discover.finding import Role
@@ -66,14 +67,14 @@ Size = tuple[float, float]
 
 REACH = 1.25
 """Curves by geometry go so far beyond the containers that were measured."""
-CURVE = 80
-"""Points of a curve."""
+CURVE, SOLVED = 80, 5
+"""Points of a curve, and how many of them are computed where modes have no closed form."""
 CAP = 3.0
 """Length of an error bar's ends [pt]."""
 
 
 def render_identification(report: IdentificationReport) -> str:
-    """Renders the page of an identification as HTML; every text in it is escaped."""
+    """Renders the HTML page of an identification; every text in it is escaped."""
     found, document = report.found, identification_document(report)
     drawn = drawn_motions(found.motions)
     speeds = [point for point in found.points if point.point.speed == point.point.speed]
@@ -114,7 +115,7 @@ def _noise_of(found: Identification, motion: FittedMotion) -> IdentifiedModel:
 
 
 def _charts(report: IdentificationReport, drawn: Sequence[int], speeds: bool) -> dict[str, Markup]:
-    """Returns the charts of the page as SVG, by name."""
+    """Returns the charts of an identification's HTML page as SVG, by name."""
     found = report.found
     charts: dict[str, str] = {}
     for index in drawn:
@@ -295,13 +296,21 @@ def _curve(model: Model, quantity: str, sizes: Sequence[float]) -> tuple[Array, 
         if quantity == FREQUENCY
         else (lambda one: one.mode_constants()[0].damping_ratio)
     )
+    # Modes that must be computed at few sizes, with a polynomial through their logarithms.
+    computed = bool(bare.container.digest)
+    places = np.geomspace(grid[0], grid[-1], SOLVED) if computed else grid
     values = []
-    for factor in (grid / model.container.size).tolist():
+    for factor in (places / model.container.size).tolist():
         try:
             values.append(of(replace(bare, container=bare.container.widened(factor))))
         except SloshModelError:
             values.append(float("nan"))
-    return grid, np.array(values)
+    known = np.isfinite(values)
+    if computed and known.any():
+        inside = (grid >= places[known][0]) & (grid <= places[known][-1])
+        through = BarycentricInterpolator(np.log(places[known]), np.log(np.array(values)[known]))
+        return grid[inside], np.exp(through(np.log(grid[inside])))
+    return places, np.array(values)
 
 
 def _widest(motion: FittedMotion) -> int:

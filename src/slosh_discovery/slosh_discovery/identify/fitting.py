@@ -105,7 +105,7 @@ class FittedVector:
 
 
 def fit(problem: Problem, start: Array) -> FittedVector:
-    """Fits parameters and nuisance parameters.
+    """Fits parameters, clock offsets and initial states to measured heights by least squares.
 
     Args:
         problem: the data and what is free.
@@ -215,14 +215,14 @@ def _estimate(problem: Problem, noise: White, vector: Array, residual: Array) ->
 
 
 def _frame_scores(scores: Array, neighbours: Neighbours) -> Array:
-    """Returns, for each image, the sums of the scores over its heights."""
+    """Returns, for each image, the sum of the score vectors of its heights."""
     summed = np.zeros((int(neighbours.frames[-1]) + 1, scores.shape[1]))
     np.add.at(summed, neighbours.frames, scores)
     return summed
 
 
 def _lags(colour: Colour, frames: int) -> int:
-    """Returns up to how many lags neighbouring images enter the covariance."""
+    """Returns the number of lags up to which neighbouring images enter the covariance."""
     if colour.memory == colour.correlation:
         return TUNING.lags
     remembered = TUNING.memories / (1.0 - abs(colour.correlation))

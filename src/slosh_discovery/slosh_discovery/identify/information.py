@@ -22,7 +22,8 @@ from slosh_discovery.identify.problem import STEP, Problem
 from slosh_discovery.identify.tuning import TUNING
 from slosh_model.batch import wall_heights
 from slosh_model.measure import measured_heights
-from slosh_model.simulate import Inputs, Response
+from slosh_model.response import Response
+from slosh_model.simulate import Inputs
 
 FREQUENCIES = (0.4, 0.8, 1.0)
 """Of the motions that are tried, relative to the natural frequency,"""
@@ -137,7 +138,7 @@ def _candidates(
 
 
 def _answers_change(problem: Problem, vector: Array, inputs: Inputs) -> Array | None:
-    """Returns height changes [m] per prior width of each parameter; None without a solution."""
+    """Returns height changes [m] per prior width of each parameter; None if unsolvable."""
     azimuths = problem.trials[0].prepared.azimuths
     columns = []
     for place, parameter in enumerate(problem.parameters):

@@ -1,4 +1,4 @@
-"""Parameters that can be fitted: damping, frequency, fill height and those of effects."""
+"""Parameters that can be fitted: damping, frequency, fill height, those of modelled effects."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def _effect_parameter(model: Model, name: str) -> FreeParameter:
 
 
 def _values(model: Model, effect: str) -> dict[str, float]:
-    """Returns an effect's parameters in the model, or values that have practically no effect."""
+    """Returns a modelled effect's parameters, or values that make it practically ineffective."""
     for use in model.effects:
         if use.name == effect:
             return dict(use.parameters)

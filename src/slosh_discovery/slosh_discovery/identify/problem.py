@@ -21,7 +21,8 @@ from slosh_discovery.identify.tuning import TUNING
 from slosh_model.batch import wall_heights
 from slosh_model.measure import measured_heights
 from slosh_model.model import Model
-from slosh_model.simulate import Inputs, Response, State, simulate
+from slosh_model.response import Response
+from slosh_model.simulate import Inputs, State, simulate
 
 STEP = 1e-4
 """Step of the derivatives, relative to a parameter's width."""
@@ -35,7 +36,7 @@ _STILL = np.zeros(4)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """Residuals of a model over several trials.
+    """Least-squares problem of a model over several trials (prepared motions).
 
     Attributes:
         model: whose parameters are fitted.
@@ -71,7 +72,7 @@ class Problem:
         return np.array([parameter.start for parameter in self.parameters])
 
     def start(self, values: Array) -> Array:
-        """Returns the initial vector of unknowns: parameters and matching nuisance parameters."""
+        """Returns the initial vector of unknowns: parameters, clock offsets and initial states."""
         vector = np.zeros(self.size)
         vector[: len(values)] = values
         model = self.model_at(vector)

@@ -208,7 +208,7 @@ def _distinct(points: Sequence[OperatingPoint]) -> tuple[OperatingPoint, ...]:
 def _place(
     inputs: Inputs, known: Sequence[Inputs], alike: Callable[[Inputs, Inputs], bool]
 ) -> int:
-    """Returns the index of an equal known input, or their number if none is equal."""
+    """Returns the index of an equal known input; if none is equal, the number of known inputs."""
     found = (number for number, other in enumerate(known) if alike(inputs, other))
     return next(found, len(known))
 
@@ -240,7 +240,7 @@ def _repeated(first: Inputs, second: Inputs) -> bool:
 
 
 def _centre(inputs: Inputs) -> float:
-    """Returns the time [s] at the centre of the squared acceleration."""
+    """Returns the centroid [s] of the squared acceleration over time."""
     power = np.sum(inputs.acceleration**2, axis=1)
     total = float(np.sum(power))
     return float(np.sum(power * inputs.t)) / total if total > 0.0 else float(inputs.t[0])

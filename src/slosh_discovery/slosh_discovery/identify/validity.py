@@ -72,7 +72,7 @@ class LineLimit:
 def line_limit(
     motions: Sequence[MeasuredMotion], ratio: float, tolerance: float = TOLERANCE
 ) -> LineLimit | None:
-    """Finds the speeds at which the surface is a straight line; None without any profile.
+    """Finds the speeds at which the surface is a straight line; None if no profile is known.
 
     Args:
         motions: those with a profile and an operating speed count.
@@ -104,7 +104,7 @@ def count_within(errors: Sequence[float], tolerance: float) -> int:
 
 
 def error_at(speed: float, motions: Sequence[MeasuredMotion]) -> LineError | None:
-    """Returns the surface's deviation from a line at a speed (TM20, §2.3); None if unknown."""
+    """Returns the surface's deviation from a line [m] at a speed (TM20, §2.3); None if unknown."""
     found = []
     for motion in motions:
         start, end = rise_span(motion.inputs)
@@ -137,7 +137,7 @@ def seen_by_estimator(inputs: Inputs) -> tuple[float, float]:
 
 
 def limited(model: Model, limit: LineLimit | None) -> Model:
-    """Returns the model with the limits of a straight surface, if faster motions exceeded them."""
+    """Adds a straight surface's motion limits to the model, if faster motions exceeded them."""
     if limit is None or not limit.exceeded or not math.isfinite(limit.speed):
         return model
     last = next(error for error in limit.errors if error.speed == limit.speed)

@@ -64,7 +64,10 @@ class ContainerChanges:
     ) -> None:
         self._node, self._folder, self._now, self._apply = node, folder, now, apply
         self.tray = self._start = start
-        self._held = [HeldContainer(one.model, empty=one.empty) for one in start.containers]
+        self._held = [
+            HeldContainer(one.model, empty=one.empty, standing=one.standing)
+            for one in start.containers
+        ]
         self._waiting: list[_Waiting] = []
         self.next_ns = 2**63
         self._publisher = node.create_publisher(
@@ -110,9 +113,9 @@ class ContainerChanges:
         self.tray, self._held[index] = tray, held
         place = f"place {tray.names[index]}: " if tray.is_tray else ""
         self._node.get_logger().info(f"from {last_ns * 1e-9:.3f} s on: {place}{held.described}")
-        self._tell(last_ns)
+        self._tell(last_ns, index)
 
-    def _tell(self, last_ns: int) -> None:
+    def _tell(self, last_ns: int, index: int) -> None:
         held, is_tray = self._held[0], self.tray.is_tray
         self._publisher.publish(
             filled(
@@ -124,6 +127,7 @@ class ContainerChanges:
                 model=format_model(held.model),
                 fill_height=held.fill_height,
                 limit=math.nan if is_tray else held.limit,
+                tray_place=self.tray.names[index],
                 tray=format_tray(self.tray) if is_tray else "",
             )
         )
@@ -188,6 +192,7 @@ class ContainerChanges:
         return before.changed(
             empty=request.empty, name=request.name, model=model,
             fill_height=request.fill_height, limit=request.limit,
+            standing=request.standing,
         )  # fmt: skip
 
     def _named(self, name: str) -> Model:

@@ -4,30 +4,31 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
-
-from sensor_msgs.msg import Imu
+from itertools import chain
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.estimate_kernel import MODAL
 from slosh_estimator.estimator import Estimate, ModelState
+from slosh_estimator.rotation import Vector
 from slosh_estimator.state import EstimatorState
 from slosh_estimator.tray_estimator import TrayEstimate
 from slosh_model.wall import Wall
 from slosh_msgs import msg as messages
 from slosh_msgs.msg import ExpectedReading, ModelEstimate, SloshEstimate
-from slosh_msgs_py.stamps import to_nanoseconds
 
 
-def imu_sample(
-    message: Imu,
-) -> tuple[int, tuple[float, float, float], tuple[float, float, float] | None]:
-    """Returns stamp [ns], specific force and angular velocity (or None) of an Imu message."""
-    f, w = message.linear_acceleration, message.angular_velocity
-    reported = message.angular_velocity_covariance[0] >= 0.0 and w.x == w.x
-    force = (f.x, f.y, f.z)
-    if message.linear_acceleration_covariance[0] < 0.0:
+def imu_vectors(values: Sequence[float]) -> tuple[Vector, Vector | None]:
+    """Returns specific force and angular velocity (None: not reported) of an Imu message.
+
+    Args:
+        values: numbers (37,) behind its header; see `StampedReader`.
+    """
+    wx, wy, wz, *covariance = values[13:25]
+    reported = covariance[0] >= 0.0 and wx == wx
+    force = (values[25], values[26], values[27])
+    if values[28] < 0.0:
         force = (float("nan"),) * 3
-    return to_nanoseconds(message.header.stamp), force, (w.x, w.y, w.z) if reported else None
+    return force, (wx, wy, wz) if reported else None
 
 
 def fill(message: SloshEstimate, estimate: Estimate, wall: Wall) -> None:
@@ -53,6 +54,16 @@ def fill_tray(message: messages.TrayEstimate, stamp_ns: int, tray: TrayEstimate)
     stamp.sec, stamp.nanosec = divmod(stamp_ns, SECOND)
     message.msh, message.azimuth = array("d", tray.msh), array("d", tray.azimuth)
     message.flags, message.worst = array("H", tray.flags), tray.worst
+    linear = [one.linear for one in tray.each]
+    nonlinear = [one.nonlinear for one in tray.each]
+    message.linear_msh = array("d", [one.msh for one in linear])
+    message.linear_reading = array("d", [one.reading for one in linear])
+    message.reading = array("d", [one.reading for one in nonlinear])
+    message.delay = array("d", tray.delays)
+    message.modes = array("B", [len(one.modal) // MODAL for one in linear])
+    message.linear_modal = array("d", chain.from_iterable(one.modal for one in linear))
+    message.modal = array("d", chain.from_iterable(one.modal for one in nonlinear))
+    message.acceleration[:] = tray.each[0].sample[1:4]
 
 
 def fill_reading(message: ExpectedReading, estimate: Estimate, delay: float) -> None:

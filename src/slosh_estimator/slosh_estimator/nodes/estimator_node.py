@@ -238,7 +238,7 @@ class EstimatorNode(PreparedNode):
         return Robot(self._urdf, tool, values["world_frame"], name)
 
     def _felt(self, model: Model) -> Model:
-        """Returns the model to run; if the input has an attitude, gravity acts by tilt."""
+        """Returns the model to run; it computes gravity from the attitude if the input has one."""
         turns = self._kind in WINDOWED or PLACED in self._given
         felt = model.feeling_gravity() if turns else model
         self._added = "" if felt is model else ADDED
@@ -269,7 +269,7 @@ class EstimatorNode(PreparedNode):
         self.create_service(Trigger, topics.RESET, self._on_reset)
 
     def close(self) -> None:
-        """Ends all goals that wait for calm liquid."""
+        """Ends all action goals that wait until the liquid is calm."""
         if self._observed is not None:
             self._observed.close()
 
@@ -302,7 +302,7 @@ class EstimatorNode(PreparedNode):
         return InputSettings.from_parameters(self._known)._replace(modes=modes)
 
     def _feel_gravity(self) -> None:
-        """Restarts the models with gravity by tilt, since transforms give the attitude."""
+        """Restarts the models with gravity along the attitude that transforms now provide."""
         at_rest = self._values["starts_at_rest"]
         self._estimator.load_model(
             self._felt(self._tray.first.placed), empty=self._tray.first.empty
@@ -358,7 +358,7 @@ class EstimatorNode(PreparedNode):
             self._report.latency(self._now() - sample.stamp_ns)
 
     def _tell_tray(self, sample: Sample, estimate: Estimate) -> None:
-        """Estimates the other containers of the tray; publishes some of the samples."""
+        """Estimates the tray's other containers; publishes all at a reduced rate."""
         tray = self._others.update(sample, estimate)
         self._flags |= functools.reduce(operator.or_, tray.flags)
         if not 0 <= sample.stamp_ns - self._tray_ns < TUNING.tray_ns:
@@ -367,7 +367,7 @@ class EstimatorNode(PreparedNode):
             self._trays.publish(self._tray_message)
 
     def _take(self, index: int, held: HeldContainer, tray: Tray) -> int:
-        """Applies what a place holds to later inputs; returns the stamp of the last input [ns].
+        """Replaces a tray place's container for later inputs; returns the last input's stamp [ns].
 
         Args:
             index: of the place on the tray, from 0; of one container 0.
@@ -460,6 +460,7 @@ class EstimatorNode(PreparedNode):
         if fault is not None and fault[0] != WARN:
             return fault
         unfelt = self._unfelt or self._input.sampling.sentence() or second
+        unfelt = unfelt or (self._observed.warning() if self._observed is not None else "")
         remark = unfelt or (doubt.text if doubt is not None else self._input.remark())
         if remark or faults:
             return WARN, remark or faults

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 from rclpy.node import Node
 
@@ -16,6 +16,7 @@ from slosh_estimator.gate import SampleVerdict
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import (
     APART,
+    CHAINED_SINCE,
     MESSAGE_TYPES,
     MOUNTED,
     POSED,
@@ -25,8 +26,8 @@ from slosh_estimator.inputs import (
     InputSettings,
 )
 from slosh_estimator.joint_poses import JointPoses
-from slosh_estimator.mounting import Quaternion, SensorTransform
-from slosh_estimator.nodes.estimator_messages import imu_sample
+from slosh_estimator.mounting import SensorTransform
+from slosh_estimator.nodes.estimator_messages import imu_vectors
 from slosh_estimator.placed_accel import PlacedAccel, PlacedAcceleration
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.rotation import Vector
@@ -38,6 +39,7 @@ from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import find_type
 from slosh_msgs_py.node.rivals import Rivals
 from slosh_msgs_py.node.speakers import SpeakerWatch, WithInfo
+from slosh_msgs_py.stamped_numbers import StampedReader
 from slosh_msgs_py.stamps import to_nanoseconds
 from slosh_msgs_py.topics import Publishers
 
@@ -46,6 +48,8 @@ MIXED = 10
 PATIENCE = 2.0
 """So long fixed transforms are waited for, where somebody publishes them [s]."""
 TF_TYPE = topics.DRIVING["tf"].type
+NUMBERS: Final = {"accel": 6, "imu": 37, "pose": 7, "twist": 6}
+"""Inputs whose messages are received raw, with their count of numbers behind the header."""
 Answer = Callable[..., None]
 """Takes the stamp of an input [ns] and the samples that it made known."""
 Told = Callable[[int, str, Vector, Vector | None], None]
@@ -100,6 +104,7 @@ class HeardInput:
         self._is_shared = row.publishers is Publishers.MANY
         self._speakers = SpeakerWatch()
         self._rivals = Rivals(node, row.name, row.type)
+        self._numbers = StampedReader(NUMBERS.get(kind, 0))
         takers: dict[str, Callable[[Any], None]] = {
             "accel": self._on_accel, "imu": self._on_imu, "pose": self._on_pose,
             "joints": self._on_joints, "tf": partial(self._on_transforms, fixed=False),
@@ -221,23 +226,23 @@ class HeardInput:
 
         # Several publishers may speak of different joints or transforms.
         take = shared if self._is_shared else WithInfo(heard)
-        subscription = self._node.create_subscription(kind, topic, take, qos.STREAM_IN)
+        subscription = self._node.create_subscription(
+            kind, topic, take, qos.STREAM_IN, raw=self._kind in NUMBERS
+        )
 
-    def _on_accel(self, message: Any) -> None:
-        a, header = message.accel.linear, message.header
-        if not self._is_mounted(header.frame_id):
+    def _on_accel(self, data: bytes) -> None:
+        stamp, frame, (ax, ay, az, *_) = self._numbers.read(data)
+        if not self._is_mounted(frame):
             return
         assert isinstance(self.source, AccelInput)
-        stamp = to_nanoseconds(header.stamp)
-        if not isinstance(self.poses, PlacedAccel):
+        if self.poses is None:
             self._before(stamp)
         if self._told is not None:
-            self._told(stamp, header.frame_id, (a.x, a.y, a.z), None)
-        if isinstance(self.poses, PlacedAccel) and header.frame_id == self.poses.frame:
-            self._on_placed(self.poses.take(stamp, (a.x, a.y, a.z)))
+            self._told(stamp, frame, (ax, ay, az), None)
+        if isinstance(self.poses, PlacedAccel) and frame == self.poses.frame:
+            self._on_placed(self.poses.take(stamp, (ax, ay, az)))
             return
-        found = self.source.update(stamp, header.frame_id, a.x, a.y, a.z, self._now())
-        self._answer(stamp, found)
+        self._answer(stamp, self.source.update(stamp, frame, ax, ay, az, self._now()))
 
     def _on_placing(self, message: Any) -> None:
         assert isinstance(self.poses, PlacedAccel)
@@ -255,44 +260,50 @@ class HeardInput:
             sample = self.source.update(stamp, self._world, *vector, self._now(), pose)
             self._answer(stamp, sample)
 
-    def _on_imu(self, message: Any) -> None:
-        if not self._is_mounted(message.header.frame_id):
+    def _on_imu(self, data: bytes) -> None:
+        stamp, frame, values = self._numbers.read(data)
+        if not self._is_mounted(frame):
             return
         assert isinstance(self.source, ImuInput)
-        stamp, force, rate = imu_sample(message)
+        force, rate = imu_vectors(values)
         self._before(stamp)
         if self._told is not None:
-            self._told(stamp, message.header.frame_id, force, rate)
+            self._told(stamp, frame, force, rate)
         self._answer(stamp, self.source.update(stamp, force, rate, self._now()))
 
-    def _on_pose(self, message: Any) -> None:
-        if not self._is_mounted(message.header.frame_id):
+    def _on_pose(self, data: bytes) -> None:
+        stamp, frame, (x, y, z, *turn) = self._numbers.read(data)
+        if not self._is_mounted(frame):
             return
-        p, q = message.pose.position, message.pose.orientation
-        stamp = to_nanoseconds(message.header.stamp)
-        place, turn, frame = (p.x, p.y, p.z), (q.x, q.y, q.z, q.w), message.header.frame_id
+        qx, qy, qz, qw = turn
+        place, quaternion = (x, y, z), (qx, qy, qz, qw)
         if isinstance(self.poses, TransformPoses):
-            found = self.poses.take([Transform(frame, POSED, stamp, place, turn)])
-            self._on_poses(found, self._world)
+            self._on_chained(self.poses, [Transform(frame, POSED, stamp, place, quaternion)])
         else:
-            self._on_poses([TimedPose(stamp, place, turn)], frame)
+            self._on_poses([TimedPose(stamp, place, quaternion)], frame)
+
+    def _on_chained(self, poses: TransformPoses, links: list[Transform]) -> None:
+        """Processes links of the chain that leads from the world to the container's poses."""
+        before = poses.since_ns
+        found = poses.take(links)
+        if poses.since_ns and poses.since_ns != before:  # what a replay must know
+            self._mounted({CHAINED_SINCE: poses.since_ns})
+        self._on_poses(found, self._world)
 
     def _on_odometry(self, message: Any) -> None:
-        q = message.pose.pose.orientation
-        self._on_velocity(message, message.twist.twist, (q.x, q.y, q.z, q.w))
-
-    def _on_twist(self, message: Any) -> None:
-        self._on_velocity(message, message.twist, None, message.header.frame_id)
-
-    def _on_velocity(
-        self, message: Any, twist: Any, attitude: Quaternion | None, frame: str = ""
-    ) -> None:
-        assert isinstance(self.source, VelocityInput)
+        q, twist = message.pose.pose.orientation, message.twist.twist
         v, w = twist.linear, twist.angular
         stamp = to_nanoseconds(message.header.stamp)
-        self._before(stamp)
-        found = Twist(stamp, (v.x, v.y, v.z), (w.x, w.y, w.z), attitude, frame)
-        self._answer(stamp, *self.source.update_twist(found, self._now()))
+        self._on_velocity(Twist(stamp, (v.x, v.y, v.z), (w.x, w.y, w.z), (q.x, q.y, q.z, q.w), ""))
+
+    def _on_twist(self, data: bytes) -> None:
+        stamp, frame, (vx, vy, vz, wx, wy, wz) = self._numbers.read(data)
+        self._on_velocity(Twist(stamp, (vx, vy, vz), (wx, wy, wz), None, frame))
+
+    def _on_velocity(self, twist: Twist) -> None:
+        assert isinstance(self.source, VelocityInput)
+        self._before(twist.stamp_ns)
+        self._answer(twist.stamp_ns, *self.source.update_twist(twist, self._now()))
 
     def _on_joints(self, message: Any) -> None:
         assert isinstance(self.poses, JointPoses)
@@ -302,8 +313,11 @@ class HeardInput:
 
     def _on_transforms(self, message: Any, *, fixed: bool) -> None:
         assert isinstance(self.poses, TransformPoses)
-        found = self.poses.take(map(_transform, message.transforms), fixed=fixed)
-        self._on_poses(found, self._world)
+        links = [_transform(one) for one in message.transforms]
+        if fixed:
+            self._on_poses(self.poses.take(links, fixed=True), self._world)
+        else:
+            self._on_chained(self.poses, links)
 
     def _on_poses(self, poses: list[TimedPose], frame: str) -> None:
         assert isinstance(self.source, PoseInput)

@@ -14,10 +14,7 @@ from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, Health
 from slosh_msgs_py.node.rivals import Rivals
 from slosh_msgs_py.node.silence import SilentTopic
 
-_INPUTS = {
-    topics.ESTIMATE: "slosh_msgs/msg/SloshEstimate",
-    topics.FREE_SURFACE: "slosh_msgs/msg/FreeSurface",
-}
+_TYPES = {row.name: row.type for row in topics.TOPICS}
 
 
 class MonitorHealth:
@@ -26,16 +23,24 @@ class MonitorHealth:
     Args:
         node: the node.
         core: the monitor; it is told who else speaks on its inputs.
+        surfaces, estimates: topics of measured and estimated heights.
     """
 
-    def __init__(self, node: Node, core: Monitor) -> None:
-        self._core = core
-        inputs = dict(_INPUTS)
-        if not core.settings.camera:
-            del inputs[topics.FREE_SURFACE]
+    def __init__(
+        self, node: Node, core: Monitor, surfaces: str = topics.FREE_SURFACE,
+        estimates: str = topics.ESTIMATE,
+    ) -> None:  # fmt: skip
+        self._core, self._surfaces, self._estimates = core, surfaces, estimates
+        inputs = {estimates: _TYPES[estimates]}
+        if core.settings.camera:
+            inputs[surfaces] = _TYPES[topics.FREE_SURFACE]
         self._topics = {topic: SilentTopic(node, topic, kind) for topic, kind in inputs.items()}
         self._rivals = [Rivals(node, topic, kind) for topic, kind in inputs.items()]
         self._measured = self._unmatched = 0
+
+    def watch(self, core: Monitor) -> None:
+        """Evaluates another monitor from now on."""
+        self._core, self._unmatched = core, 0
 
     def look(self, now_ns: int, measured: int) -> Health:
         """Returns the level and the text of the most serious finding.
@@ -61,7 +66,7 @@ class MonitorHealth:
 
     def _silence(self, now_ns: int) -> Health | None:
         measured_stale, estimate_stale = self._core.silent_sides(now_ns)
-        sides = ((topics.FREE_SURFACE, measured_stale), (topics.ESTIMATE, estimate_stale))
+        sides = ((self._surfaces, measured_stale), (self._estimates, estimate_stale))
         silent = [topic for topic, stale in sides if stale]
         if not silent:
             return None

@@ -17,8 +17,7 @@ from slosh_base.compiled.compile_cache import sources_digest
 from slosh_base.files.yaml_document import parse_yaml
 from slosh_estimator import SOURCES
 from slosh_estimator.agreement import MotionAgreement
-from slosh_estimator.azimuth import Surfaces, measured_waves
-from slosh_estimator.comparison import Comparison, EstimatePoint, MeasuredPoint
+from slosh_estimator.comparison import Comparison, EstimatePoint
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import (
@@ -27,6 +26,7 @@ from slosh_estimator.monitor_settings import (
     RIM_DISTANCE,
     MonitorSettings,
 )
+from slosh_estimator.nodes.container_cameras import ContainerCameras, measured_point
 from slosh_estimator.nodes.monitor_health import MonitorHealth
 from slosh_estimator.prediction_record import Announced, PredictionRecord
 from slosh_estimator.readings import Reading, ReadingJoiner
@@ -83,6 +83,11 @@ PARAMETERS = (
     ParameterSpec("buffer", _DEFAULT.buffer, "time for which estimates are kept [s]", (0.1, 60.0)),
     ParameterSpec("container_frame", "container", "container's frame in all published messages"),
     ParameterSpec("camera", True, "false: there is no camera; only the estimate is monitored"),
+    ParameterSpec(
+        "cameras", "",
+        "names of a tray's containers behind the first that have a camera of their own, separated "
+        "by commas; empty: no further cameras",
+    ),
 )  # fmt: skip
 DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
 
@@ -119,6 +124,9 @@ class MonitorNode(GuardedNode):
         self.create_subscription(
             ExpectedReading, topics.EXPECTED_READING, self._on_reading, qos.STREAM_IN
         )
+        self._cameras = ContainerCameras(
+            self, given["cameras"], self._core.next_excess, self._arrival, self._announce
+        )
         if given["camera"]:
             self.create_subscription(
                 FreeSurface, topics.FREE_SURFACE, self._on_free_surface, qos.STREAM_IN
@@ -139,7 +147,9 @@ class MonitorNode(GuardedNode):
         if RIM_DISTANCE in changed:
             changed = (*changed, *self._moved_rim())
         wanted = MonitorSettings.from_parameters({**self._given, **self._rim})
-        self._settings.publish_change(changed, self._core.change_settings(wanted))
+        stamp_ns = self._core.change_settings(wanted)
+        self._cameras.change_settings(wanted, stamp_ns)
+        self._settings.publish_change(changed, stamp_ns)
 
     def _moved_rim(self) -> tuple[str, ...]:
         """Updates the rim's height from the model; returns its name if it changed."""
@@ -157,9 +167,10 @@ class MonitorNode(GuardedNode):
         model = announced_model(message)
         if model is None:
             return
-        tray = announced_tray(message)
+        tray, stamp_ns = announced_tray(message), to_nanoseconds(message.header.stamp)
+        self._cameras.carry(tray, stamp_ns, MonitorSettings.from_parameters(self._given))
         if tray is not None:
-            self._core.carry(tray, to_nanoseconds(message.header.stamp))
+            self._core.carry(tray, stamp_ns)
             self._predictions.first = tray.first.name
         self._model = model
         changed = self._moved_rim()
@@ -167,7 +178,7 @@ class MonitorNode(GuardedNode):
             self._on_change(changed)
 
     def _on_container(self, message: ContainerChange) -> None:
-        """Applies the limits of another container to later data."""
+        """After a change of the container, applies the new one's limits to later data."""
         try:
             model = parse_model(message.model, topics.CONTAINER) if message.model else None
         except ValueError as error:
@@ -210,6 +221,7 @@ class MonitorNode(GuardedNode):
             return  # not announced yet, or a stranger's
         self._core.add_tray(to_nanoseconds(message.header.stamp), message.msh.tolist())
         self._publish([])
+        self._cameras.add_tray(message)
 
     def _on_reading(self, message: ExpectedReading) -> None:
         reading = Reading(
@@ -227,15 +239,7 @@ class MonitorNode(GuardedNode):
     def _on_free_surface(self, message: FreeSurface) -> None:
         self._report.counts["free_surface"] += 1
         self._measured += 1
-        stamp_ns = to_nanoseconds(message.header.stamp)
-        fields = (getattr(message, name) for name in Surfaces._fields)
-        surfaces = Surfaces(*fields)
-        (wave,), (axis,) = (column.tolist() for column in measured_waves(surfaces))
-        point = MeasuredPoint(
-            stamp_ns, message.msh, message.msh_stddev, message.flags, wave, axis,
-            float(surfaces.levels),
-        )  # fmt: skip
-        self._publish(self._core.add_measurement(point, self._arrival()))
+        self._publish(self._core.add_measurement(measured_point(message), self._arrival()))
 
     def _on_check(self) -> None:
         clock, steady_ns = self.get_clock(), self._steady.now().nanoseconds
@@ -245,6 +249,7 @@ class MonitorNode(GuardedNode):
             else ""
         )
         self._publish(self._core.check(self._arrival()))
+        self._cameras.check()
         level = bool(self._core.level.text)
         if level and not self._level_off:
             self.get_logger().warning(self._core.level.text)
@@ -271,20 +276,22 @@ class MonitorNode(GuardedNode):
                 age = int(self.get_clock().now().nanoseconds) - comparison.stamp_ns
                 self._report.latency(age)
         for event in self._core.take_events():
-            self._announce(event)
+            self._announce(event, self._frame)
 
-    def _announce(self, event: Event) -> None:
-        self._events.publish(event_message(event, self._frame))
+    def _announce(self, event: Event, frame: str) -> None:
+        self._events.publish(event_message(event, frame))
         self.get_logger().warning(f"limit {event.kind.name.lower()}: {event.description}")
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._core.reset_accuracy()
+        self._cameras.reset()
         self._predictions.reset()
         response.success, response.message = True, "MAE and epsilon are reset"
         return response
 
     def _health(self) -> Health:
-        level, text = self._judge.look(self._arrival(), self._measured)
+        first = self._judge.look(self._arrival(), self._measured)
+        level, text = self._cameras.health(first)
         return (ERROR, f"{self._complaint}; {text}") if self._complaint else (level, text)
 
     def _facts(self) -> dict[str, Any]:
@@ -303,6 +310,7 @@ class MonitorNode(GuardedNode):
             **({"rim [mm]": f"{1e3 * core.settings.rim:.1f}"} if self._rim else {}),
             **(core.tray.facts() if core.tray is not None else {}),
             **core.motions.clocks.facts(),
+            **self._cameras.facts(),
             **self._predictions.facts(),
             **self._judge.facts(self._report.counts),
         }

@@ -82,8 +82,13 @@ class ObserverOutput:
         """Sets the wave height [m] up to which the liquid counts as calm."""
         self._watch = CalmWatch(tolerance)
 
+    def warning(self) -> str:
+        """Returns in one line that any wave counts as calm; empty if not."""
+        refusal = self._refusal(self._watch.tolerance, 0.0)
+        return f"calm_tolerance: {refusal}" if refusal else ""
+
     def close(self) -> None:
-        """Ends all goals that wait for calm liquid."""
+        """Ends all action goals that wait until the liquid is calm."""
         for wait in self._waits:
             wait.done.set_result(None)
         self._action.destroy()
@@ -124,11 +129,7 @@ class ObserverOutput:
         """Publishes the state STALE if the input has stopped."""
         if time.monotonic() - self._heard < TUNING.calm_silence:
             return
-        calm = self._calm
-        calm.calm, calm.reason = False, int(CalmReason.STALE)
-        calm.tolerance = self._watch.tolerance
-        calm.envelope = calm.bound = calm.time_until_calm = math.nan
-        calm.shortest_time = calm.longest_time = math.nan
+        fill_stale(self._calm, self._watch.tolerance)
         self._tell()
 
     def _tell(self) -> None:
@@ -139,6 +140,10 @@ class ObserverOutput:
 
     async def _on_goal(self, goal: Any) -> WaitUntilCalm.Result:
         request = goal.request
+        refusal = self._refusal(request.tolerance, request.timeout)
+        if refusal:
+            goal.abort()
+            return WaitUntilCalm.Result(message=refusal)
         wait = _Wait(goal, request.tolerance or self._watch.tolerance, request.timeout)
         self._waits.append(wait)
         try:
@@ -146,6 +151,18 @@ class ObserverOutput:
         finally:
             self._waits.remove(wait)
         return wait.result()
+
+    def _refusal(self, tolerance: float, timeout: float) -> str:
+        """Returns why a goal cannot be reached, in one line; empty if it can."""
+        reach = max(self.observer.reaches)
+        if not 0.0 <= tolerance < reach:
+            return (
+                f"tolerance = {tolerance:g} m must be from 0 (calm_tolerance) to less than the "
+                f"container's {reach:g} m; is it in mm?"
+            )
+        if not timeout >= 0.0:
+            return f"timeout = {timeout:g} s must not be negative; 0: none"
+        return ""
 
 
 class _Wait:
@@ -163,9 +180,9 @@ class _Wait:
         fill_calm(self._state, self._watch.update(state))
 
     def tell(self, told: Calm) -> None:
-        """Sends feedback to the client; ends the goal if calm, timed out or cancelled."""
+        """Sends feedback to the action client; ends the goal if calm, timed out or cancelled."""
         if told.reason == Calm.STALE:
-            self._state = told
+            fill_stale(self._state, self._watch.tolerance)
         self._state.header.frame_id = told.header.frame_id
         self._goal.publish_feedback(WaitUntilCalm.Feedback(state=self._state))
         late = time.monotonic() - self._began > self._timeout
@@ -227,6 +244,14 @@ def fill_observer_state(message: ObserverStateMessage, state: ObserverState) -> 
     message.sensed_stamp = -1 if state.sensed_ns is None else state.sensed_ns
     for name in ("model", "parameters", "covariance", "changes", "past"):
         setattr(message, name, array("d", getattr(state, name).tobytes()))
+
+
+def fill_stale(message: Calm, tolerance: float) -> None:
+    """Writes into a reused message that there is no input; `tolerance` is that of calm [m]."""
+    message.calm, message.reason = False, int(CalmReason.STALE)
+    message.tolerance = tolerance
+    message.envelope = message.bound = message.time_until_calm = math.nan
+    message.shortest_time = message.longest_time = math.nan
 
 
 def fill_calm(message: Calm, state: CalmState) -> None:

@@ -131,7 +131,7 @@ class SecondSource:
 
     @property
     def _names(self) -> tuple[str, str]:
-        """Returns the input types of the sensor and of the source of the motion."""
+        """Returns two input types: the motion sensor's, and that of the other source of motion."""
         pair = self._kind, self._other
         return pair if self._senses else (pair[1], pair[0])
 

@@ -17,7 +17,7 @@ from slosh_estimator import SOURCES
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.nodes.monitor_node import announced_model
 from slosh_estimator.sensed.force_surface import ForceSurface, Motion, SensedWave
-from slosh_estimator.sensed.level import LevelPlace, wall_factor
+from slosh_estimator.sensed.level import LevelPlace, strange_height, wall_factor
 from slosh_estimator.sensed.payload import LONGEST, Payload, parse_payload
 from slosh_estimator.sensed.surface import level_fields, wave_fields
 from slosh_model.model import Model
@@ -158,7 +158,9 @@ class SensorNode(GuardedNode):
         except SloshEstimatorError as error:
             self._failure = str(error)
             return
-        self._failure = ""
+        self._failure = strange_height(height, self._model)
+        if self._failure:
+            return
         stddev = factor * self._given["level_stddev"]
         self._publish(stamp_ns, level_fields(factor * height, place.azimuth, stddev))
 
@@ -170,13 +172,17 @@ class SensorNode(GuardedNode):
         self._report.latency(int(self.get_clock().now().nanoseconds) - stamp_ns)
 
     def _health(self) -> Health:
-        if self._failure:
-            return ERROR, self._failure
+        wrong = self._failure or (self._force.wrong if self._force is not None else "")
+        if wrong:
+            return ERROR, wrong
         if self._model is None:
             return WARN, "waiting for the estimator's model"
         counts = self._report.counts
         if self._payload is not None and not counts["force"]:
             return WARN, f"no force on {self.resolve_topic_name(topics.FORCE)} yet"
+        refused = self._force.refused if self._force is not None else 0
+        if refused > counts["force"] // 2:
+            return ERROR, f"{refused} forces or motions refused: not finite, or not in order"
         if not counts["output"] and (self._payload is not None or counts["level"]):
             return WARN, "no height yet: motion and force have no common time"
         return OK, "telling heights of the wave"

@@ -1,4 +1,4 @@
-"""Computes heights, envelope and standard deviations from the observer's state."""
+"""Computes heights and standard deviations from the observer's state."""
 
 from __future__ import annotations
 
@@ -10,32 +10,25 @@ from slosh_base.compiled.compilation import compiled
 from slosh_estimator.observer.layout import (
     AZIMUTH,
     DAMPING,
-    DECAY,
-    ENVELOPE,
-    ENVELOPE_NOISE,
-    ENVELOPE_STDDEV,
     FREQUENCY,
     GAIN,
     HEIGHT_X,
     HEIGHT_Y,
-    MEAN_X,
     MSH,
     NOISE,
-    OMEGA,
     PHI,
     SENSITIVITY,
     SH_X,
     SH_Y,
-    SPECTRUM,
     STATE,
     STDDEV,
     STDDEV_X,
     STDDEV_Y,
     TURN,
-    ZETA,
 )
 from slosh_model import kernel
 from slosh_model.layout import records
+from slosh_model.outline_wall import place_at_corners
 
 
 @compiled
@@ -57,7 +50,8 @@ def _rows(blocks, heights, size):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _product(one, matrix, other):  # type: ignore[no-untyped-def]
+def product(one, matrix, other):  # type: ignore[no-untyped-def]
+    """Returns aᵀ M b; a is mostly zeros."""
     total = 0.0
     for i in range(one.shape[0]):
         if one[i] != 0.0:
@@ -69,67 +63,28 @@ def _product(one, matrix, other):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _envelope(store, blocks, covariance, averages, out):  # type: ignore[no-untyped-def]
-    """Writes the largest height that the wave can still reach if the container rests.
-
-    Each mode goes along an ellipse about the place where the liquid rests; its longer half axis is
-    the height. The standard deviation is bounded from above.
-    """
-    modes, size = records(store)[1], covariance.shape[0]
-    row, states = np.zeros(size), 2 * blocks.shape[0]
-    height = variance = shaken = 0.0
-    decay = math.inf
-    for n in range(modes.shape[0]):
-        mode, wave, axes = modes[n], np.zeros(4), 0.0
-        for axis in range(2):
-            block = blocks[2 * n + axis]
-            omega, gain = block[OMEGA], block[GAIN]
-            place, rate = (mode["x"], mode["vx"]) if axis == 0 else (mode["y"], mode["vy"])
-            wave[axis] = gain * (place + averages[MEAN_X + axis] / (omega * omega))
-            wave[2 + axis] = gain * rate / omega
-            decay = min(decay, omega * block[ZETA])
-            # The stationary variance of an oscillator that white noise drives.
-            shaken += gain * gain * averages[SPECTRUM] / (4.0 * block[ZETA] * omega**3)
-            widest = 0.0
-            for i, scale in ((0, gain), (1, gain / omega)):
-                row[:] = 0.0
-                for j in range(2):
-                    row[2 * (2 * n + axis) + j] = scale * block[PHI + 2 * i + j]
-                    row[states + j] = scale * block[SENSITIVITY + 2 * i + j]
-                noisy = scale * scale * block[NOISE + 2 * i]
-                widest = max(widest, _product(row, covariance, row) + noisy)
-            axes += widest
-        squares = wave[0] ** 2 + wave[1] ** 2 + wave[2] ** 2 + wave[3] ** 2
-        area = wave[0] * wave[3] - wave[1] * wave[2]
-        rest = max(squares * squares - 4.0 * area * area, 0.0)
-        height += math.sqrt(0.5 * (squares + math.sqrt(rest)))
-        variance += axes
-    out[ENVELOPE], out[ENVELOPE_STDDEV], out[DECAY] = height, math.sqrt(max(variance, 0.0)), decay
-    out[ENVELOPE_NOISE] = math.sqrt(shaken)
-
-
-@compiled
-def answered(store, blocks, covariance, averages, row, out):  # type: ignore[no-untyped-def]
+def answered(store, blocks, covariance, row, out):  # type: ignore[no-untyped-def]
     """Writes the fused state that belongs to a stored input."""
-    _envelope(store, blocks, covariance, averages, out)
     runs, modes = records(store)
     hx, hy = kernel.turned(row[HEIGHT_X], row[HEIGHT_Y], row[TURN])
     rows, noise = _rows(blocks, (row[HEIGHT_X], row[HEIGHT_Y]), covariance.shape[0])
-    xx = _product(rows[0], covariance, rows[0]) + noise[0]
-    yy = _product(rows[1], covariance, rows[1]) + noise[1]
-    xy = _product(rows[0], covariance, rows[1])
+    xx = product(rows[0], covariance, rows[0]) + noise[0]
+    yy = product(rows[1], covariance, rows[1]) + noise[1]
+    xy = product(rows[0], covariance, rows[1])
     c, s = math.cos(row[TURN]), math.sin(row[TURN])
     vx = c * c * xx + 2.0 * c * s * xy + s * s * yy
     vy = s * s * xx - 2.0 * c * s * xy + c * c * yy
     vxy = c * s * (yy - xx) + (c * c - s * s) * xy
     out[SH_X], out[SH_Y] = hx, hy
-    if runs[0]["cornered"] != 0.0:
-        out[MSH] = kernel.corner_height(hx, hy)
-        out[AZIMUTH] = kernel.corner_azimuth(hx, hy, modes[0]["radius"], modes[0]["radius_y"])
+    out[MSH], out[AZIMUTH] = kernel.highest_and_azimuth(runs[0], modes[0], hx, hy)
+    count = int(runs[0]["corner_count"])
+    if count > 0:
+        c, s = place_at_corners(
+            out[AZIMUTH], runs[0]["corners"], count, modes[0]["radius"], modes[0]["radius_y"]
+        )
+    elif runs[0]["cornered"] != 0.0:
         c, s = math.copysign(1.0, hx), math.copysign(1.0, hy)
     else:
-        out[MSH] = math.sqrt(hx * hx + hy * hy)
-        out[AZIMUTH] = math.atan2(hy, hx)
         c, s = math.cos(out[AZIMUTH]), math.sin(out[AZIMUTH])
     out[STDDEV_X], out[STDDEV_Y] = math.sqrt(max(vx, 0.0)), math.sqrt(max(vy, 0.0))
     highest = c * c * vx + 2.0 * c * s * vxy + s * s * vy

@@ -80,7 +80,7 @@ class CalmWatch:
 
     def update(self, state: FusedState) -> CalmState:
         """Returns the calmness for the next fused state."""
-        if self._first_ns is None:
+        if self._first_ns is None or state.stamp_ns < self._first_ns:  # or time was set back
             self._first_ns = state.stamp_ns
         return CalmState(
             state.stamp_ns, self._reason(state, self._first_ns), self.tolerance,
@@ -110,7 +110,7 @@ class CalmWatch:
         return (
             self._wait(state.envelope, state.decay),
             self._wait(lowest, state.decay * spread),
-            self._wait(state.bound, state.decay / spread),
+            self._wait(state.bound, state.slowest),
         )
 
     def _wait(self, height: float, decay: float) -> float:

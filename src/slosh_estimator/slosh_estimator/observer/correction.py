@@ -31,7 +31,7 @@ from slosh_estimator.observer.layout import (
 from slosh_estimator.observer.propagation import propagated
 from slosh_model import kernel
 from slosh_model.layout import records
-from slosh_model.tank_wall import place_on_wall
+from slosh_model.outline_wall import azimuth_at_corners
 
 
 @compiled
@@ -92,6 +92,7 @@ def measured(  # type: ignore[no-untyped-def]
     turn,
     cornered,
     reaches,
+    corners,
     theta,
     elapsed,
     points,
@@ -118,9 +119,11 @@ def measured(  # type: ignore[no-untyped-def]
         azimuth, height, stddev = points[i, 0], points[i, 1], points[i, 2]
         if azimuth != azimuth:  # the maximum, wherever it is
             azimuth = math.atan2(hy, hx)
-        c, s = math.cos(azimuth), math.sin(azimuth)
-        if cornered:
-            c, s = place_on_wall(azimuth, reaches[0], reaches[1])
+            if corners.shape[0] > 0:
+                azimuth = azimuth_at_corners(
+                    corners, corners.shape[0], hx, hy, reaches[0], reaches[1]
+                )
+        c, s = kernel.wall_place(azimuth, cornered, reaches, corners)
         cx, cy = kernel.turned(c, s, -turn)
         for k in range(blocks.shape[0]):
             rows[i, 2 * k] = (cx if k % 2 == 0 else cy) * blocks[k, GAIN]
@@ -168,7 +171,7 @@ def _corrected(blocks, mean, row):  # type: ignore[no-untyped-def]
 
 @compiled
 def expected_heights(blocks, one, two, moment):  # type: ignore[no-untyped-def]
-    """Interpolates heights along the modal axes, their rates and the angle at a time."""
+    """Interpolates heights along the modal axes, their rates and the axes' angle at a time."""
     whole = two[TIME] - one[TIME]
     share = (moment - one[TIME]) / whole if whole > 0.0 else 0.0
     heights = (

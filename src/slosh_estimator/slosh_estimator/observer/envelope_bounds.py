@@ -15,22 +15,34 @@ class Envelope(NamedTuple):
         stamp_ns: the moment [ns].
         height, stddev: the height and its standard deviation [m].
         noise: standard deviation of what the input's noise at rest adds to the height [m].
-        decay: rate of its decay [1/s].
-        damping_stddev: standard deviation of the rate's logarithm.
+        worst, worst_stddev: the height and its standard deviation [m] with the worst frequency
+            and damping that calm allows for; see `slosh_estimator.observer.envelope`.
+        slowest: least plausible rate of the decay [1/s].
     """
 
     stamp_ns: int
     height: float
     stddev: float
     noise: float
-    decay: float
-    damping_stddev: float
+    worst: float
+    worst_stddev: float
+    slowest: float
+
+    def bound(self, deviations: float) -> float:
+        """Returns the lower of two upper bounds of the height [m], by a number of deviations.
+
+        The worst height has an error along the wave and one across it, which matters where there
+        is hardly a wave.
+        """
+        error = deviations * self.worst_stddev
+        return min(self.height + deviations * self.stddev, math.hypot(self.worst + error, error))
 
 
 class EnvelopeBounds:
-    """Upper bounds of the wave's envelope: a 95 % bound, and a certain one that decides calm.
+    """Upper bounds of the wave's envelope: at 95 %, and a safer one that decides if it is calm.
 
-    In motion, and at each measurement, a bound is the filter's height and some of its deviations.
+    In motion, and at each measurement, a bound is a height and some of its deviations: those of
+    the filter, or, where they are less, those of the worst model that calm allows for.
     At rest nothing gives the liquid energy, so that a bound decays from there with the least
     plausible damping. The filter itself does not tell that: an error of the frequency turns the
     phase of the wave by more and more, which in a linear filter grows beyond the wave, but changes
@@ -45,7 +57,7 @@ class EnvelopeBounds:
     def update(
         self, envelope: Envelope, *, resting: bool, corrected_ns: int | None, contradicted: bool
     ) -> tuple[float, float]:
-        """Returns the 95 % bound and the certain bound of the envelope [m].
+        """Returns two upper bounds of the envelope [m]: at 95 %, and the safer one for calmness.
 
         Args:
             envelope: of a newer moment.
@@ -54,7 +66,7 @@ class EnvelopeBounds:
             contradicted: whether the last measurement was rejected: then no bound decays.
         """
         height, deviations = envelope.height, (TUNING.bound, TUNING.surely_calm)
-        filtered = [height + by * envelope.stddev for by in deviations]
+        filtered = [envelope.bound(by) for by in deviations]
         corrected = corrected_ns != self._corrected_ns
         known = math.isfinite(height) and math.isfinite(self._bounds[0])
         if self._stamp_ns is None or not resting or corrected or not known:
@@ -63,8 +75,7 @@ class EnvelopeBounds:
             bounds = [max(pair) for pair in zip(self._bounds, filtered, strict=True)]
         else:
             elapsed = max(envelope.stamp_ns - self._stamp_ns, 0) / 1e9
-            slowest = envelope.decay * math.exp(-TUNING.bound * envelope.damping_stddev)
-            faded = math.exp(-slowest * elapsed)
+            faded = math.exp(-envelope.slowest * elapsed)
             shaken = height - TUNING.surely_calm * envelope.noise
             bounds = [max(before * faded, shaken) for before in self._bounds]
         self._bounds = (bounds[0], bounds[1])

@@ -1,4 +1,4 @@
-"""Columns of the arrays of the observer's compiled functions."""
+"""Names of the columns in the arrays of the observer's compiled functions."""
 
 from __future__ import annotations
 
@@ -36,13 +36,16 @@ block."""
 
 (
     SH_X, SH_Y, MSH, AZIMUTH, STDDEV_X, STDDEV_Y, STDDEV, ENVELOPE, ENVELOPE_STDDEV,
-    ENVELOPE_NOISE, DECAY, STATE,
-) = range(12)  # fmt: skip
+    ENVELOPE_NOISE, WORST_ENVELOPE, WORST_STDDEV, DECAY, STATE,
+) = range(14)  # fmt: skip
 """Columns of an answer: heights at +x and +y, their maximum [m] and its azimuth [rad], standard
 deviations of the three heights [m]; the largest height that the wave reaches if nothing moves from
 now on, its standard deviation, and that of what the input's noise at rest adds to it [m]; the
-slowest mode's ζω [1/s]; then x, y, vx, vy of each
-mode."""
+same height with the worst frequency and damping of a model, and its standard deviation with
+these [m]; the slowest mode's ζω [1/s]; then x, y, vx, vy of each mode."""
+
+LOW_FREQUENCY, HIGH_FREQUENCY, LOW_DAMPING, HIGH_DAMPING = range(4)
+"""Least and largest error of ε and of κ that calm allows for."""
 
 MEAN_X, MEAN_Y, SPECTRUM, COUNT = range(4)
 """Mean of the acceleration that drives the liquid at rest [m/s²], spectral density of its noise in

@@ -20,6 +20,7 @@ from slosh_estimator.observer import (
     self_test as self_test,
 )  # its checks belong to the compiled functions
 from slosh_estimator.observer.envelope_bounds import Envelope, EnvelopeBounds
+from slosh_estimator.observer.shown_wave import ShownWave
 from slosh_estimator.observer.states import FusedState, ObserverState, Outcome, WallHeights
 from slosh_estimator.sample import Sample
 from slosh_estimator.tuning import TUNING
@@ -35,6 +36,11 @@ _SETTLING = int(EstimateFlag.SETTLING)
 _LONG_AGO = -(2**62)
 _NO_POINTS = np.empty((0, 3))
 _UPRIGHT = np.empty((0, POSE_COUNT))
+_MODEL_ERRORS = np.array(
+    [-TUNING.calm_frequency, TUNING.calm_frequency,
+     -math.log(TUNING.calm_damping), math.log(TUNING.calm_damping)]
+)  # fmt: skip
+"""Errors of a model that calm allows for, in the order of `layout`."""
 
 
 class Observer:
@@ -52,6 +58,7 @@ class Observer:
     Attributes:
         counts: of measurements, by outcome.
         sensed: how many of them force or level sensors measured beside the camera.
+        reaches: distance from the axis to the wall along x and y [m].
         innovation: normalised innovation of the last measurement over its limit.
     """
 
@@ -60,7 +67,8 @@ class Observer:
         self.counts = dict.fromkeys(Outcome, 0)
         self.innovation = math.nan
         container = model.container
-        self._cornered, self._reaches = container.cornered, np.array(container.reaches)
+        self._cornered, self.reaches = container.cornered, container.reaches
+        self._reaches = np.array(container.reaches)
         self._largest = TUNING.unknown_wave * max(container.reaches)
         self._bound = TUNING.runaway * max(container.reaches)
         self._store = store_of(model.nonlinear(), MAX_STEP)
@@ -70,7 +78,7 @@ class Observer:
         self._blocks = np.zeros((2 * modes, layout.BLOCK))
         self._theta = np.zeros(layout.PARAMETERS)
         self._averages = np.zeros(layout.AVERAGES)
-        self._bounds = EnvelopeBounds()
+        self._bounds, self._shown = EnvelopeBounds(), ShownWave()
         self._motions = MotionFinder()
         self._moved_ns: int | None = None
         self._noise = _noise()
@@ -127,6 +135,8 @@ class Observer:
         stamp_ns = sample.stamp_ns
         if self._epoch_ns is None or stamp_ns < self._epoch_ns:
             self._epoch_ns = stamp_ns
+        if stamp_ns < self._newest_ns:  # time was set back: older motions lie ahead
+            self._motions, self._moved_ns = MotionFinder(), None
         now = (stamp_ns - self._epoch_ns) / 1e9
         restarts = sample.restarted or bool(flags & _RESTARTS) or stamp_ns <= self._newest_ns
         if restarts or not self._count or not self._step(sample, now):
@@ -141,7 +151,7 @@ class Observer:
         self._use_waiting()
         self._read(
             self._store, self._blocks, self._ring, self._count, self._covariance,
-            self._averages, self._out,
+            self._averages, _MODEL_ERRORS - np.repeat(self._theta[:2], 2), self._out,
         )  # fmt: skip
         return self._state()
 
@@ -197,7 +207,7 @@ class Observer:
         return inside
 
     def _follow_motion(self, sample: Sample) -> None:
-        """Restarts the mean acceleration at rest after each motion."""
+        """Detects the container's motions; clears the mean acceleration when one has ended."""
         self._motions.add_one(sample.stamp_ns, (sample.ax, sample.ay, sample.az))
         spans = self._motions.spans
         if not spans:
@@ -207,6 +217,7 @@ class Observer:
         self._moved_ns = spans[-1].end_ns
         if sample.stamp_ns - self._moved_ns < TUNING.calm_after_ns:
             self._averages[layout.COUNT] = 0.0
+            self._shown.clear()
 
     def _use_waiting(self) -> None:
         while self._cameras or self._sensors:
@@ -240,6 +251,8 @@ class Observer:
     def _use(self, heights: WallHeights) -> Outcome:
         if not len(heights.points):
             return Outcome.EMPTY
+        if len(heights.points) < TUNING.shape_points:
+            self._shown.add(heights.stamp_ns, float(heights.points[0, 1]))
         moment = (heights.stamp_ns - (self._epoch_ns or 0)) / 1e9
         if moment < self._anchored_at:
             return Outcome.LATE
@@ -299,6 +312,7 @@ class Observer:
         self._count = self._first = self._rejected = 0
         self._anchored_at, self._corrected_ns = now, None
         self._bounds = EnvelopeBounds()
+        self._shown.clear()
         self._forget()
         if at_rest:
             self._spread(TUNING.rest_wave)
@@ -322,7 +336,11 @@ class Observer:
         out = self._out.tolist()
         variance = self._covariance.diagonal()[-layout.PARAMETERS :].tolist()
         theta = self._theta.tolist()
-        bounds = self._bounded(out, variance[layout.DAMPING])
+        # The damping is known by the filter, or by what calm allows for.
+        spread = TUNING.bound * math.sqrt(variance[layout.DAMPING])
+        allowed = math.log(TUNING.calm_damping) + theta[layout.DAMPING]
+        slowest = out[layout.DECAY] * math.exp(-max(min(spread, allowed), 0.0))
+        bounds = self._bounded(out, slowest)
         return FusedState(
             self._newest_ns, self._corrected_ns, out[layout.MSH], out[layout.AZIMUTH],
             out[layout.SH_X], out[layout.SH_Y], out[layout.STDDEV_X], out[layout.STDDEV_Y],
@@ -330,20 +348,23 @@ class Observer:
             math.exp(theta[layout.DAMPING]), math.sqrt(variance[layout.FREQUENCY]),
             math.sqrt(variance[layout.DAMPING]), out[layout.ENVELOPE],
             out[layout.ENVELOPE_STDDEV], out[layout.DECAY], self._moved_ns,
-            theta[layout.LEVEL], theta[layout.CLOCK], *bounds,
+            theta[layout.LEVEL], theta[layout.CLOCK], *bounds, slowest,
         )  # fmt: skip
 
-    def _bounded(self, out: list[float], damping_variance: float) -> tuple[float, float]:
-        """Returns the bounds of the wave's envelope; see `EnvelopeBounds`."""
+    def _bounded(self, out: list[float], slowest: float) -> tuple[float, float]:
+        """Returns the bounds of the wave's envelope; not below what measurements show."""
         since = math.inf if self._moved_ns is None else self._newest_ns - self._moved_ns
-        return self._bounds.update(
+        bound, sure = self._bounds.update(
             Envelope(
                 self._newest_ns, out[layout.ENVELOPE], out[layout.ENVELOPE_STDDEV],
-                out[layout.ENVELOPE_NOISE], out[layout.DECAY], math.sqrt(damping_variance),
+                out[layout.ENVELOPE_NOISE], out[layout.WORST_ENVELOPE], out[layout.WORST_STDDEV],
+                slowest,
             ),
             resting=since >= TUNING.calm_after_ns, corrected_ns=self._corrected_ns,
             contradicted=self._rejected > 0,
         )  # fmt: skip
+        shown = self._shown.amplitude(self._newest_ns, float(self._theta[layout.LEVEL]))
+        return max(bound, shown), max(sure, shown)
 
 
 def _noise() -> Array:

@@ -33,6 +33,7 @@ from slosh_estimator.observer.correction import (
     expected_heights,
     measured,
 )
+from slosh_estimator.observer.envelope import envelope
 from slosh_estimator.observer.layout import (
     AX,
     AY,
@@ -136,8 +137,10 @@ def follow(  # type: ignore[no-untyped-def]
     return inside
 
 
-@entry_point(void(GIVEN_1, GIVEN_2, GIVEN_2, int64, GIVEN_2, GIVEN_1, CHANGED_1))
-def read(store, blocks, ring, count, covariance, averages, out):  # type: ignore[no-untyped-def]
+@entry_point(void(GIVEN_1, GIVEN_2, GIVEN_2, int64, GIVEN_2, GIVEN_1, GIVEN_1, CHANGED_1))
+def read(  # type: ignore[no-untyped-def]
+    store, blocks, ring, count, covariance, averages, errors, out
+):
     """Writes the fused state at the time of the newest input.
 
     Args:
@@ -145,9 +148,12 @@ def read(store, blocks, ring, count, covariance, averages, out):  # type: ignore
         count: inputs since the last restart.
         covariance: of the state at the anchor.
         averages: as in `follow`.
+        errors: (4,) of the slow parameters that calm allows for, as in `layout`.
         out: (STATE + 4 modes,) receives the answer.
     """
-    answered(store, blocks, covariance, averages, ring[(count - 1) % ring.shape[0]], out)
+    row = ring[(count - 1) % ring.shape[0]]
+    envelope(store, blocks, covariance, averages, errors, out)
+    answered(store, blocks, covariance, row, out)
 
 
 @entry_point(
@@ -196,6 +202,7 @@ def correct(  # type: ignore[no-untyped-def]
     carried_covariance(trial, carried, noise, elapsed)
     ratio = 0.0
     if points.shape[0] > 0:
+        run = records(store)[0][0]
         heights, rates, turn = expected_heights(blocks, one, two, moment)
         ratio = measured(
             trial,
@@ -206,6 +213,7 @@ def correct(  # type: ignore[no-untyped-def]
             turn,
             cornered,
             reaches,
+            run["corners"][: int(run["corner_count"])],
             theta,
             elapsed,
             points,

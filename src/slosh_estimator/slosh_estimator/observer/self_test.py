@@ -72,7 +72,7 @@ def _check_read() -> None:
         one = _behind(model)
         compare(
             kernel.read, one.store, one.blocks, one.ring, INPUTS - 1, one.covariance,
-            one.averages, one.out,
+            one.averages, np.array([-0.02, 0.02, -0.7, 0.7]), one.out,
         )  # fmt: skip
 
 

@@ -65,6 +65,7 @@ class FusedState(NamedTuple):
         level: still level above the measurement's zero [m].
         clock_offset: by how much stamps of measurements are late [s].
         bound, sure_bound: upper bound of the envelope, of 95 % and sure [m]; see EnvelopeBounds.
+        slowest: least plausible decay [1/s].
     """
 
     stamp_ns: int
@@ -89,6 +90,7 @@ class FusedState(NamedTuple):
     clock_offset: float
     bound: float
     sure_bound: float
+    slowest: float
 
     @property
     def uncorrected(self) -> float:

@@ -17,6 +17,7 @@ from collections import deque
 from typing import NamedTuple
 
 from slosh_base.files.nanoseconds import SECOND
+from slosh_estimator.sensed.load_check import LoadCheck
 from slosh_estimator.sensed.payload import Payload
 from slosh_estimator.tuning import TUNING
 from slosh_model.containers import X_AXIS, Y_AXIS
@@ -91,6 +92,12 @@ class ForceSurface:
         self._zeros = [0.0] * len(self._axes)
         self._blocks = 0
         self.refused = 0
+        self._load = LoadCheck(payload)
+
+    @property
+    def wrong(self) -> str:
+        """What is wrong with the force, in one line, while no heights are told; else empty."""
+        return self._load.wrong
 
     def take_force(self, stamp_ns: int, fx: float, fy: float, fz: float) -> list[SensedWave]:
         """Adds a force in the sensor's axes and unit; returns the waves of complete blocks."""
@@ -118,7 +125,7 @@ class ForceSurface:
         return self._complete()
 
     def _restarted_if_set_back(self, stamp_ns: int, newest_ns: int) -> list[SensedWave]:
-        """Starts again if the clock was set back; small decreases count as disorder."""
+        """Clears all data if the clock was set back; small decreases are mere disorder."""
         if newest_ns - stamp_ns > TUNING.set_back_ns:
             self._forces.clear()
             self._motions.clear()
@@ -159,11 +166,12 @@ class ForceSurface:
             return None
         pushes, size = _pushes(motions, self._axes)
         payload, noise = self._payload, 0.0
-        heights = []
+        heights, loads = [], []
         self._blocks += 1
         share = max(1.0 / self._blocks, self._block_ns / TUNING.force_zero_ns)
         for place, axis in enumerate(self._axes):
             mean = math.fsum(force[place] for force in forces) / len(forces)
+            loads.append(mean - self._zeros[place])
             left = mean - (payload.mass - axis.mass) * pushes[place]
             self._zeros[place] += share * (left - self._zeros[place])
             per_force = axis.gain / (axis.mass * payload.natural_frequency**2 * self._kept)
@@ -172,6 +180,10 @@ class ForceSurface:
             spread = payload.noise_moving if moving else payload.noise_at_rest
             noise = max(noise, abs(per_force) * math.hypot(spread, payload.mass_error * size))
         if self._blocks * self._block_ns < TUNING.force_zero_first_ns:
+            return None
+        if size > TUNING.force_moves:
+            self._load.add(loads, pushes)
+        if self._load.wrong:
             return None
         return self._told(begin_ns + self._block_ns // 2, heights, noise)
 
@@ -186,7 +198,7 @@ class ForceSurface:
 
 
 class _Axis(NamedTuple):
-    """A direction along the floor, its direction in the sensor's axes, height gain and mass."""
+    """A horizontal direction in container and sensor axes, with its height gain and mass."""
 
     c: float
     s: float

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_model.bessel import radial_shape
 from slosh_model.model import Model
+from slosh_model.outline_wall import place_at_corners
 
 
 class LevelPlace(NamedTuple):
@@ -33,7 +34,12 @@ def wall_factor(model: Model, place: LevelPlace) -> float:
     """
     reach_x, reach_y = model.container.reaches
     c, s = math.cos(place.azimuth), math.sin(place.azimuth)
-    if model.container.cornered:
+    corners = model.container.corners
+    if len(corners):
+        there = place_at_corners(place.azimuth, corners, len(corners), reach_x, reach_y)
+        share = place.radius / max(math.hypot(reach_x * there[0], reach_y * there[1]), 1e-9)
+        here = math.sin(0.5 * math.pi * min(share, 1.0))
+    elif model.container.cornered:
         share = max(abs(c) * place.radius / reach_x, abs(s) * place.radius / reach_y)
         here = math.sin(0.5 * math.pi * min(share, 1.0))
     else:
@@ -49,3 +55,15 @@ def wall_factor(model: Model, place: LevelPlace) -> float:
             "seen: mount it near the wall"
         )
     return 1.0 / here
+
+
+def strange_height(height: float, model: Model) -> str:
+    """Returns in one line why a height [m] above the still level cannot be; empty if it can."""
+    container = model.container
+    floor, top = -container.fill_height, max(container.fill_height, *container.reaches)
+    if floor <= height <= top:
+        return ""
+    hint = ""
+    if floor <= 1e-3 * height <= top:
+        hint = ": is the sensor's value in mm? It must be m, and level_distance its zero"
+    return f"level sensor: a height of {height:.4g} m is not in the container{hint}"

@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 
 from slosh_estimator.errors import SloshEstimatorError
 
+UNITS = {"N": 1.0, "kgf": 9.80665, "lbf": 4.4482216, "mN": 1e-3, "kN": 1e3, "gf": 9.80665e-3}
+"""Units of force [N]."""
 LONGEST = 1_000_000
 """Size of the document at most [bytes]."""
 Direction = tuple[float, float, float]

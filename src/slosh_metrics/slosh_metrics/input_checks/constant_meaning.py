@@ -214,7 +214,7 @@ def _mounting(f: Vector, rotation: Matrix, link: str) -> str:
 
 
 def _or_tilt(c: Vector) -> str:
-    """Returns text that a horizontal constant may also come from a tilt."""
+    """Returns the remark that a constant horizontal acceleration may also come from a tilt."""
     if abs(c[2]) > 0.5 * math.hypot(*c):
         return ""
     return f", or the sensor is tilted by {math.degrees(math.asin(1.0 / GRAVITY)):.1f}°"

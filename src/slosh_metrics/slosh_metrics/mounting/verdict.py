@@ -32,7 +32,7 @@ _NOISY = "anything: the motion is too small for its noise; move faster, or publi
 
 
 class Expected(NamedTuple):
-    """The mounting of a sensor as it is configured.
+    """The mounting of a sensor as it is configured, to be compared with the fitted one.
 
     Attributes:
         rotation: (3, 3) container ← sensor.

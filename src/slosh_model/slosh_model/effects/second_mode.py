@@ -9,8 +9,14 @@ from slosh_model.modes import Mode
 
 
 def _modes(modes: tuple[Mode, ...], parameters: Parameters) -> tuple[Mode, ...]:
-    second = replace(modes[0], number=2, damping_ratio=parameters["damping_ratio"])
-    return (modes[0], second, *(mode for mode in modes[1:] if mode.number != 2))
+    # Two where each mode has a direction of its own.
+    second = (3, 4) if modes[0].container.one_directional else (2,)
+    damping = parameters["damping_ratio"]
+    return (
+        *(mode for mode in modes if mode.number < second[0]),
+        *(replace(modes[0], number=n, damping_ratio=damping) for n in second),
+        *(mode for mode in modes if mode.number > second[-1]),
+    )
 
 
 EFFECT = Effect(

@@ -95,8 +95,15 @@ def revolution_modes(
     )
 
 
-def region(profile: Sequence[Piece], level: float) -> tuple[list[Side], Size, float]:
+def region(
+    profile: Sequence[Piece], level: float, parts: float = TUNING.surface_parts
+) -> tuple[list[Side], Size, float]:
     """Returns half of the liquid's meridian section, scaled by R, and initial mesh sizes.
+
+    Args:
+        profile: from the floor's centre, or a core's top, to the rim [m].
+        level: height of the still surface in it [m].
+        parts: number of first triangles across the surface.
 
     Returns:
         sides "wall", "surface" and "axis"; the size; R, the surface's outer radius [m].
@@ -110,12 +117,11 @@ def region(profile: Sequence[Piece], level: float) -> tuple[list[Side], Size, fl
     sides.append(Side(line((float(end[0]), 0.0), (inner, 0.0)), "surface"))
     if start[1] < -1e-9:
         sides.append(Side(line((0.0, 0.0), (0.0, float(start[1]))), "axis"))
-    return sides, _size(sides, 1.0 - inner), radius
+    return sides, _size(sides, (1.0 - inner) / parts), radius
 
 
-def _size(sides: Sequence[Side], width: float) -> Size:
+def _size(sides: Sequence[Side], base: float) -> Size:
     """Returns a mesh size function that is fine at the surface, at bends and at corners."""
-    base = width / TUNING.surface_parts
     annular = all(side.name != "axis" for side in sides)
     places, sizes = [], []
     t = np.linspace(0.0, 1.0, 65)

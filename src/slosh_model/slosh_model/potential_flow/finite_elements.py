@@ -135,6 +135,7 @@ def refined(
     *,
     change: float,
     most: int,
+    watched: Sequence[int] = range(3),
 ) -> tuple[list[Array], Any]:
     """Refines the mesh until the results have converged.
 
@@ -142,8 +143,9 @@ def refined(
         sides: of the region.
         size: of the first triangles.
         solve: a mesh to a row of numbers for each mode, ω² first, and to anything else.
-        change: of the first three ω, relative, that ends it.
+        change: of the watched ω, relative, that ends it.
         most: number of divisions, at most.
+        watched: rows of the modes whose ω must stand.
 
     Returns:
         the numbers of each mesh, and what else the last one gave.
@@ -153,15 +155,15 @@ def refined(
     for _ in range(most + 1):
         found, more = solve(curved(mesh, sides))
         numbers.append(found)
-        if len(numbers) > 2 and _stands(numbers, change):
+        if len(numbers) > 2 and _stands([one[watched] for one in numbers], change):
             break
         mesh = divided(mesh, sides)
     return numbers, more
 
 
 def _stands(numbers: Sequence[Array], change: float) -> bool:
-    """Returns whether the first three frequencies changed by less than a tolerance."""
-    before, now = (_extrapolated(numbers[k - 1], numbers[k])[:3, 0] for k in (-2, -1))
+    """Returns whether all frequencies changed by less than a tolerance."""
+    before, now = (_extrapolated(numbers[k - 1], numbers[k])[:, 0] for k in (-2, -1))
     return bool((np.abs(np.sqrt(now / before) - 1.0) < change).all())
 
 

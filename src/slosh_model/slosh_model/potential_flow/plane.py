@@ -3,9 +3,9 @@
 φ = F(x, y) cosh k(z + h) / cosh kh with ΔF + k²F = 0 in the outline and ∂F/∂n = 0 on it, thus
 ω² = gk tanh kh (Lamb 1932, § 257). An outline with an axis of symmetry has modes that an
 acceleration along this axis drives, even across it, and modes that one across it drives, odd:
-half of it is computed for each, of one with two axes a quarter. Masses, heights and damping are
-those of `axisymmetric`, with the integrals over z in closed form; for straight walls the bulk's
-damping is 2νk²/ω.
+half of it is computed for each, of one with two axes a quarter. Any other outline is computed as
+a whole (`directed`). Masses, heights and damping are those of `axisymmetric`, with the integrals
+over z in closed form; for straight walls the bulk's damping is 2νk²/ω.
 """
 
 from __future__ import annotations
@@ -14,13 +14,14 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
 from slosh_model.errors import SloshModelError
+from slosh_model.potential_flow.directed import modes_without_symmetry
 from slosh_model.potential_flow.finite_elements import (
     bases,
     library,
@@ -29,41 +30,35 @@ from slosh_model.potential_flow.finite_elements import (
     refined,
     scaled,
 )
-from slosh_model.potential_flow.mesh import Side, Size, graded
-from slosh_model.potential_flow.sizes import bending, sharp_corners
+from slosh_model.potential_flow.mesh import Side
+from slosh_model.potential_flow.plane_numbers import (
+    ALONG,
+    AROUND,
+    DRIVEN,
+    HEIGHT,
+    MOST_SEARCHED,
+    NORM,
+    OFFSET,
+    SQUARE,
+    PlaneModes,
+    along_wall,
+    area_of,
+    of_one_frequency,
+    plane_matrices,
+)
+from slosh_model.potential_flow.sizes import outline_size
+from slosh_model.potential_flow.symmetry import (
+    axis_of_symmetry,
+    mirrored,
+    turned_piece,
+    turned_points,
+)
 from slosh_model.potential_flow.tuning import TUNING
 from slosh_model.shapes.contour import Piece, line
 from slosh_model.shapes.mode_numbers import ModeNumbers
 
 ALONG_AXIS, ACROSS_AXIS = "axis", "axis across"
 """Sides on the axis of symmetry, which is x, and on the one across it where there is one."""
-SQUARE, NORM, OFFSET, HEIGHT, ALONG, AROUND = range(6)
-"""Of a mode: k², ∫F² and ∫xF over what is computed, F where heights are given, ∮F_s², ∮F²."""
-_DRIVEN = 1e-6
-"""Share of a mode in a straight surface below which no acceleration drives it."""
-_SAME = 2e-3
-"""Relative difference of k² below which two modes count as of one frequency."""
-_MOST_SEARCHED = 200
-
-
-class PlaneModes(NamedTuple):
-    """The sloshing modes along one axis of an outline, for any depth, in scaled lengths.
-
-    Attributes:
-        axis: 0 along x, 1 along y.
-        scale: the unit of length [m].
-        rows: a row of numbers for each mode.
-        area: of the outline.
-        reach: where heights are given.
-        crests: the largest height of each over that at the wall.
-    """
-
-    axis: int
-    scale: float
-    rows: Array
-    area: float
-    reach: float
-    crests: list[float]
 
 
 def prism_modes(plane: Sequence[PlaneModes], depth: float) -> tuple[ModeNumbers, ...]:
@@ -80,64 +75,35 @@ def plane_modes(outline: Sequence[Piece], count: int) -> tuple[PlaneModes, ...]:
     """Computes the sloshing modes of an outline along x and along y.
 
     Args:
-        outline: closed, counter-clockwise, its centre in the origin, symmetric about an axis [m].
+        outline: closed, counter-clockwise, its centre in the origin [m].
         count: number of modes along each axis.
 
     Raises:
-        SloshModelError: no axis of symmetry, too intricate, or scikit-fem is missing.
+        SloshModelError: too intricate, or scikit-fem is missing.
     """
     # Of a straight piece three places tell all.
     places = np.vstack(
         [piece.at(np.array([0.0, 0.5])) if piece.straight else piece.fine()[:-1:2]
          for piece in outline]
     )  # fmt: skip
-    about_x, about_y = _mirrored(places, 1), _mirrored(places, 0)
-    if not about_x and not about_y:
-        raise SloshModelError(_asymmetry(places), ("container", "outline"))
     scale = float(np.abs(places).max())
+    turn = axis_of_symmetry(places)
+    if turn is None:
+        return modes_without_symmetry(
+            [scaled(piece, np.zeros(2), scale) for piece in outline], scale, count
+        )
+    if turn != 0.0:
+        outline = [turned_piece(piece, -turn) for piece in outline]
+        places = turned_points(places, -turn)
+    about_x, about_y = mirrored(places, 1), mirrored(places, 0)
     sides = _half(outline, not about_x, scale)
     if about_x and about_y:
         sides = _quarter(sides)
     found = []
     for axis in (0, 1):
         along = (axis == 1) == (not about_x)
-        found.append(_family(sides, along, axis, scale, count))
+        found.append(_family(sides, along, axis, scale, count, turn))
     return tuple(found)
-
-
-def _mirrored(places: Array, axis: int) -> bool:
-    """Returns whether an outline is symmetric in one coordinate."""
-    other = places.copy()
-    other[:, axis] *= -1.0
-    away = np.full(len(other), np.inf)
-    a, d = places, np.roll(places, -1, axis=0) - places
-    for first in range(0, len(other), 256):
-        p = other[first : first + 256, None] - a[None]
-        share = np.clip((p * d).sum(axis=2) / np.maximum((d * d).sum(axis=1), 1e-300), 0.0, 1.0)
-        gap = np.hypot(*np.moveaxis(p - share[..., None] * d, 2, 0))
-        away[first : first + 256] = gap.min(axis=1)
-    return bool(away.max() < TUNING.asymmetry * np.abs(places).max())
-
-
-def _asymmetry(places: Array) -> str:
-    """Explains that an outline is not symmetric about x or y, and which rotation makes it so."""
-    # An axis of symmetry passes through a corner or the middle of a side.
-    middles = 0.5 * (places + np.roll(places, -1, axis=0))
-    turns = []
-    for x, y in np.vstack((places, middles)):
-        c, s = np.array((x, y)) / max(math.hypot(x, y), 1e-300)
-        if _mirrored(places @ np.array([[c, -s], [s, c]]), 1):
-            # To the nearer one of x and y.
-            turns.append(-math.remainder(math.degrees(math.atan2(y, x)), 90.0))
-    if turns:
-        return (
-            "outline is symmetric neither about x nor about y through its centre; turned by "
-            f"{min(turns, key=abs):.4g} deg it is: turn its points, and the container's frame back"
-        )
-    return (
-        "outline has no axis of symmetry: its modes are not along two directions at right angles, "
-        "which the models need; take a symmetric outline close to it"
-    )
 
 
 def _half(outline: Sequence[Piece], turned: bool, scale: float) -> list[Side]:
@@ -180,22 +146,27 @@ def _swapped(piece: Piece) -> Piece:
     return replace(piece, at=lambda t: piece.at(t)[:, ::-1])
 
 
-def _family(sides: list[Side], along: bool, axis: int, scale: float, count: int) -> PlaneModes:
+def _family(
+    sides: list[Side], along: bool, axis: int, scale: float, count: int, turn: float
+) -> PlaneModes:
     numbers, more = refined(
-        sides, _size(sides), lambda mesh: _solved(mesh, along, count),
+        sides, outline_size(sides), lambda mesh: _solved(mesh, along, count),
         change=TUNING.change, most=TUNING.most_divisions,
     )  # fmt: skip
-    return PlaneModes(axis, scale, limit(numbers), *more)
+    area, reach, crests = more
+    return PlaneModes(
+        axis, scale, limit(numbers), area, [reach] * count, crests, [turn] * count
+    )  # fmt: skip
 
 
 def _filled(plane: PlaneModes, depth: float) -> list[ModeNumbers]:
-    axis, scale, rows, area, reach, crests = plane
+    axis, scale, rows, area, reaches, crests, turns = plane
     found = []
     for n, row in enumerate(rows.tolist()):
         k = math.sqrt(row[SQUARE])
         rate = k * math.tanh(k * depth)
         omega = math.sqrt(GRAVITY * rate / scale)
-        layer = _layer(k, depth, row) / scale
+        layer, reach = _layer(k, depth, row) / scale, reaches[n]
         found.append(
             ModeNumbers(
                 axis=axis,
@@ -209,6 +180,7 @@ def _filled(plane: PlaneModes, depth: float) -> list[ModeNumbers]:
                 crest_place=abs(reach) * scale,
                 layer_damping=layer / math.sqrt(2.0 * omega),
                 bulk_damping=2.0 * row[SQUARE] / (scale * scale * omega),
+                turn=turns[n],
             )
         )  # fmt: skip
     return found
@@ -227,40 +199,13 @@ def _layer(k: float, depth: float, row: Sequence[float]) -> float:
     return 0.5 * (walls + level) / (k * math.tanh(k * depth) * row[NORM])
 
 
-def _size(sides: Sequence[Side]) -> Size:
-    """Returns a uniform mesh size function that is finer at bends and sharp corners."""
-    t = np.linspace(0.0, 1.0, 65)
-    edge = [side.piece.at(t) for side in sides]
-    everything = np.vstack(edge)
-    extent = everything.max(axis=0) - everything.min(axis=0)
-    base = float(min(extent.max() / TUNING.outline_parts, extent.min() / TUNING.narrow_parts))
-    # What asks for no less than the base tells nothing.
-    places, sizes = [], []
-    for side, at in zip(sides, edge, strict=True):
-        if not side.piece.straight:
-            bend = TUNING.bend * bending(at)
-            places.append(at[bend < base])
-            sizes.append(bend[bend < base])
-    for place, share in sharp_corners(sides):
-        places.append(place[None])
-        sizes.append(np.array([share * base]))
-    if not places:
-        return lambda at: np.full(len(at), base)
-    size = graded(np.vstack(places), np.concatenate(sizes))
-    return lambda at: np.minimum(size(at), base)
-
-
 def _solved(mesh: Any, along: bool, count: int) -> tuple[Array, tuple[float, float, list[float]]]:
     """Solves the eigenvalue problem on a mesh; returns mode constants, area and crests."""
     fem = library()
     inside, wall = bases(mesh, "wall")
-    stiffness = fem.BilinearForm(
-        lambda u, v, w: u.grad[0] * v.grad[0] + u.grad[1] * v.grad[1]
-    ).assemble(inside)
-    mass = fem.BilinearForm(lambda u, v, w: u * v).assemble(inside)
+    stiffness, mass = plane_matrices(inside)
     driven = 0 if along else 1  # the coordinate along which an acceleration drives
     offset = fem.LinearForm(lambda v, w: w.x[driven] * v).assemble(inside)
-    area = float(fem.Functional(lambda w: 1.0 + 0.0 * w.x[0]).assemble(inside))
     spread = float(fem.Functional(lambda w: w.x[driven] ** 2).assemble(inside))
     # Odd modes vanish on the axis across which they are odd.
     still = mesh.boundaries.get(ACROSS_AXIS if along else ALONG_AXIS, np.array([], dtype=int))
@@ -268,8 +213,6 @@ def _solved(mesh: Any, along: bool, count: int) -> tuple[Array, tuple[float, flo
     values, vectors = _driven(
         stiffness[free][:, free], mass[free][:, free], offset[free], spread, count
     )
-    around = fem.Functional(lambda w: w["f"] ** 2)
-    slope = fem.Functional(lambda w: (w.n[0] * w["f"].grad[1] - w.n[1] * w["f"].grad[0]) ** 2)
     on_wall = wall.get_dofs(mesh.boundaries["wall"]).flatten()
     rows, crests, place = [], [], -1
     for n in range(count):
@@ -280,28 +223,26 @@ def _solved(mesh: Any, along: bool, count: int) -> tuple[Array, tuple[float, flo
             best = np.abs(f[on_wall]) + 1e-6 * np.sign(mesh.doflocs[driven, on_wall])
             place = int(on_wall[np.argmax(best)])
         f /= f[place]
-        known = wall.interpolate(f)
         rows.append(
-            (
-                values[n], float(f @ (mass @ f)), float(offset @ f), 1.0,
-                float(slope.assemble(wall, f=known)), float(around.assemble(wall, f=known)),
-            )
-        )  # fmt: skip
+            (values[n], float(f @ (mass @ f)), float(offset @ f), 1.0, *along_wall(wall, f))
+        )
         crests.append(float(np.abs(f).max() / np.abs(f[on_wall]).max()))
-    return np.array(rows), (area, float(mesh.doflocs[driven, place]), crests)
+    extent = float(np.abs(mesh.doflocs[driven, on_wall]).max())
+    reach = math.copysign(extent, float(mesh.doflocs[driven, place]))
+    return np.array(rows), (area_of(inside), reach, crests)
 
 
 def _driven(
     stiffness: Any, mass: Any, offset: Array, spread: float, count: int
 ) -> tuple[Array, Array]:
     """Returns the lowest modes that an acceleration excites, with ∫F² = 1."""
-    most = min(_MOST_SEARCHED, stiffness.shape[0] - 2)
+    most = min(MOST_SEARCHED, stiffness.shape[0] - 2)
     wanted = min(4 * count, most)
     while True:
         values, vectors = lowest(stiffness, mass, wanted, below=-1.0)
         vectors = vectors / np.sqrt((vectors * (mass @ vectors)).sum(axis=0))
         values, vectors, shares = _merged(values, vectors, offset @ vectors, spread)
-        chosen = np.flatnonzero((shares > _DRIVEN) & (values > 1e-6))
+        chosen = np.flatnonzero((shares > DRIVEN) & (values > 1e-6))
         if len(chosen) >= count:
             return values[chosen[:count]], vectors[:, chosen[:count]]
         if wanted == most:
@@ -321,10 +262,7 @@ def _merged(
     Returns:
         eigenvalues, vectors as columns, and the share of each in a straight surface.
     """
-    groups = np.split(
-        np.arange(len(values)),
-        np.flatnonzero(np.diff(values) > _SAME * np.maximum(values[1:], 1e-3)) + 1,
-    )
+    groups = of_one_frequency(values)
     squares = [offsets[group] ** 2 for group in groups]
     sums = np.array([square.sum() for square in squares])
     weights = [

@@ -29,9 +29,13 @@ class PotentialFlowTuning:
     deep_bend: float = number(0.12, "1", "size that a bend may have in any case, per depth")
     fading: float = number(1.8, "1/R", "fading of a wave with depth, for corners far below")
     core: float = number(0.5, "1", "size at a core, per distance from the axis")
+    # trough.py
+    wave_part: float = number(2.0, "rad", "largest part of a wave along a trough, one triangle")
+    most_parts: float = number(24.0, "1", "first triangles across half of a surface, at most")
     # plane.py
     outline_parts: float = number(15.0, "1", "first triangles across an outline")
     narrow_parts: float = number(10.0, "1", "and across its narrower extent")
+    whole: float = number(1.6, "1", "first size over a whole outline, of that over a part")
     asymmetry: float = number(1e-4, "1", "distance of a symmetric outline from its mirror image")
 
 

@@ -16,6 +16,7 @@ from slosh_model.shapes.round_cups import (
     Frustum,
     Sphere,
 )
+from slosh_model.shapes.trough import LyingCylinder, Trough, Wedge
 
 __all__ = [
     "Beaker",
@@ -25,9 +26,12 @@ __all__ = [
     "Ellipsoid",
     "Flask",
     "Frustum",
+    "LyingCylinder",
     "Prism",
     "Rectangle",
     "Revolution",
     "Sphere",
     "Tray",
+    "Trough",
+    "Wedge",
 ]

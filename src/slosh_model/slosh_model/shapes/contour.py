@@ -122,8 +122,8 @@ def checked_points(points: object, key: str, least: int) -> Points:
     """Checks and returns the points of a contour [m].
 
     Raises:
-        SloshModelError: no list of finite pairs, too few or too many, twice the same in
-            succession, a size that is no container's in metres, or a contour that crosses itself.
+        SloshModelError: no list of finite pairs, too few or too many different ones, a size that
+            is no container's in metres, or a contour that crosses itself.
     """
     if not isinstance(points, (tuple, list)):
         raise SloshModelError(f"{key} must be a list of pairs [m], or the name of a .csv file")
@@ -131,9 +131,11 @@ def checked_points(points: object, key: str, least: int) -> Points:
         raise SloshModelError(f"{key} has {len(points)} points, must have {least} … {MOST_POINTS}")
     found: list[Point] = []
     for index, pair in enumerate(points):
-        found.append(_pair(pair, f"{key}[{index}]"))
-        if index and math.dist(found[-2], found[-1]) < 1e-9:
-            raise SloshModelError(f"{key}[{index}] is the same point as the one before")
+        point = _pair(pair, f"{key}[{index}]")
+        if not found or math.dist(found[-1], point) > 1e-9:  # not the same again
+            found.append(point)
+    if len(found) < least:
+        raise SloshModelError(f"{key} has {len(found)} different points, must have {least}")
     _check_size(np.array(found), key)
     return tuple(found)
 

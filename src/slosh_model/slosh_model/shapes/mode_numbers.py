@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from itertools import pairwise
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from slosh_model.errors import SloshModelError
 
 LEAST, MOST = 3, 6
 """Number of modes that are computed along an axis: three, or as many as a model asks for."""
+
+_FLAT = 1e-6
+"""Height relative to the wall's that is none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +34,7 @@ class ModeNumbers:
         crest_place: where it is: distance from the axis [m].
         layer_damping: ζ per √ν from the layer at the wall [s^½/m].
         bulk_damping: ζ per ν from the rest of the liquid [s/m²].
+        turn: azimuth of the mode's motion, from x or y [rad].
         surface: distance from the axis [m] and height relative to the wall's; empty: not kept.
     """
 
@@ -43,6 +48,7 @@ class ModeNumbers:
     crest_place: float
     layer_damping: float
     bulk_damping: float
+    turn: float = 0.0
     surface: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
@@ -51,6 +57,12 @@ class ModeNumbers:
                 raise SloshModelError(f"{name} = {getattr(self, name)!r} must be above 0", (name,))
         if self.axis not in (0, 1):
             raise SloshModelError(f"axis = {self.axis!r} must be 0 (x) or 1 (y)", ("axis",))
+
+    @property
+    def turns(self) -> int:
+        """How often the surface crosses the still level from the axis to the wall."""
+        heights = [height for _, height in self.surface if abs(height) > _FLAT]
+        return sum(a * b < 0.0 for a, b in pairwise(heights))
 
     def damping_ratio(self, kinematic_viscosity: float) -> float:
         """Returns the damping ratio ζ for a liquid of viscosity ν [m²/s]."""

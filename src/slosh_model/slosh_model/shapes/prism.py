@@ -1,4 +1,8 @@
-"""Containers with vertical walls over an outline: trays, D-shapes, hexagonal jars."""
+"""Containers with vertical walls over an outline: trays, L-shapes, hexagonal jars.
+
+The modes of an outline with an axis of symmetry move along this axis or across it: the models have
+these as their axes, wherever they are. Those of any other outline have a direction each.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +17,9 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_model.checks import within
-from slosh_model.containers import DIMENSIONS, PRISMATIC
+from slosh_model.containers import DIMENSIONS, PRISMATIC, X_AXIS
 from slosh_model.errors import SloshModelError
+from slosh_model.outline_wall import few_corners
 from slosh_model.shapes.contour import (
     Piece,
     Points,
@@ -24,12 +29,14 @@ from slosh_model.shapes.contour import (
     line,
     through,
 )
-from slosh_model.shapes.mode_numbers import ModeNumbers
-from slosh_model.shapes.solved import SolvedContainer
+from slosh_model.shapes.mode_numbers import LEAST, ModeNumbers
+from slosh_model.shapes.solved import SolvedContainer, solved_modes
 
 _ALIKE = 1e-4
 """Relative difference of the frequencies along x and y below which every direction is alike."""
 _QUARTER = 0.5 * math.pi
+NARROWEST = 0.02
+"""Least area of an outline, by the square of its furthest point's distance."""
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
@@ -41,6 +48,7 @@ class PrismaticContainer(SolvedContainer):
     """
 
     section: ClassVar[str] = PRISMATIC
+    surface_known: ClassVar[bool] = False
     built_in: ClassVar[Mapping[str, Mapping[str, float]]] = MappingProxyType(
         {
             "quasi_static_modes": MappingProxyType({"kappa": 1.0}),
@@ -61,26 +69,91 @@ class PrismaticContainer(SolvedContainer):
         return 0.0
 
     @property
-    def cornered(self) -> bool:
-        """Whether the wave heights along x and y add up to the maximum.
+    def one_directional(self) -> bool:
+        """Whether each mode moves along a direction of its own: two for each mode number."""
+        return len({row.turn for row in self._rows}) > 1
 
-        Not where every direction is alike, as in a hexagon.
+    @property
+    def alike(self) -> bool:
+        """Whether every direction is alike, as in a hexagon."""
+        if self.one_directional:
+            return False
+        along, across = (
+            SolvedContainer.numbers(self, 1, axis).natural_frequency for axis in (0, 1)
+        )
+        return abs(across / along - 1.0) <= _ALIKE
+
+    @property
+    def cornered(self) -> bool:
+        """Whether the waves along the container's x and y are two of different frequencies."""
+        return not self.alike and not any(row.turn for row in self._rows)
+
+    def numbers(self, n: int, axis: int = X_AXIS) -> ModeNumbers:
+        """Returns the constants of the n-th mode along an axis.
+
+        Of modes with a direction each, those nearer to x and to y are in turns the n-th.
+
+        Raises:
+            SloshModelError: there are not so many, or they cannot be computed.
         """
-        along, across = (self.numbers(1, axis).natural_frequency for axis in (0, 1))
-        return abs(across / along - 1.0) > _ALIKE
+        if self.one_directional:
+            return SolvedContainer.numbers(self, (n + 1) // 2, (n - 1) % 2)
+        return SolvedContainer.numbers(self, n, axis)
+
+    def direction(self, n: int, axis: int = X_AXIS) -> float:
+        """Returns the azimuth of a mode's motion from the container's +x [rad]."""
+        found = self.numbers(n, axis)
+        return found.turn + 0.5 * math.pi * found.axis
+
+    def axes(self, masses: int) -> float:
+        """Returns the azimuth of a model's axes from the container's +x [rad].
+
+        Those of the symmetry; or where there is none, those along which a constant acceleration
+        lifts the surface along itself, beyond what the modes do.
+        """
+        if self.one_directional:
+            return _static_axes(self, masses)
+        return 0.0 if self.alike else self._rows[0].turn
 
     @property
     def reaches(self) -> tuple[float, float]:
-        """Half extents along x and y [m]; equal if all directions are equivalent."""
-        along, across = (self.numbers(1, axis).reach for axis in (0, 1))
-        return (along, across) if self.cornered else (max(along, across),) * 2
+        """Distances from the centre at which heights along x and y are given [m].
 
-    def curved_gain(self, n: int, axis: int = 0) -> float:
-        """Returns a mode's wall height per displacement [1]; the larger if the axes are equal."""
+        Half extents, or where the modes' axes are not x and y, or alike, that of the furthest
+        corner.
+        """
         if self.cornered:
-            return self.numbers(n, axis).height_per_displacement
-        both = [self.numbers(1, one).reach for one in (0, 1)]
-        return self.numbers(n, int(both[1] > both[0])).height_per_displacement
+            return self.numbers(1, 0).reach, self.numbers(1, 1).reach
+        return (_furthest(self),) * 2
+
+    def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
+        """Returns the wall height per displacement of the mode's mass [1]."""
+        if self.alike:
+            # One for both: that along which the crest is furthest out.
+            axis = int(self.height_distance(1, 1) > self.height_distance(1, 0))
+        own = self.numbers(n, axis)
+        return own.height_per_displacement * (self.reaches[axis] / own.reach)
+
+    def height_distance(self, n: int, axis: int = X_AXIS) -> float:
+        """Returns the distance from the centre to a mode's highest place along its motion [m]."""
+        return self.numbers(n, axis).reach
+
+    def mode_damping(self, kinematic_viscosity: float, n: int) -> float:
+        """Returns mode n's damping ratio ζₙ from the viscosity ν [m²/s].
+
+        Of waves along two axes that of the slower ones, for both.
+        """
+        slower = self.natural_frequency(1, 1) < self.natural_frequency(1, 0)
+        return self.numbers(n, int(slower)).damping_ratio(kinematic_viscosity)
+
+    @property
+    def corners(self) -> Array:
+        """Corners (K, 2) of the wall, relative to the reaches along x and y."""
+        return np.asarray(_wall_corners(self) / np.array(self.reaches))
+
+    @property
+    def _rows(self) -> tuple[ModeNumbers, ...]:
+        return self._own or solved_modes(self, LEAST)
 
     @property
     def places(self) -> Array:
@@ -100,10 +173,17 @@ class PrismaticContainer(SolvedContainer):
         outline = replace(self, fill_height=1.0, rim_height=None, table=None)
         return prism_modes(_plane_modes(outline, count), self.fill_height)
 
-    def surface_shape(self, n: int) -> tuple[Array, Array]:
-        """Returns a straight line, since the surface shape along x is not stored."""
-        places = np.linspace(0.0, self.reaches[0], 2)
+    def surface_shape(self, n: int, axis: int = 0) -> tuple[Array, Array]:
+        """Returns a straight line, since the surface's shape is not stored."""
+        places = np.linspace(0.0, self.reaches[axis], 2)
         return places, places / places[-1]
+
+    @property
+    def silhouette(self) -> Array:
+        """Returns the right half of the view along y (N, 2) [m], z from the still surface."""
+        rim = (self.rim_height or 1.3 * self.fill_height) - self.fill_height
+        floor, reach = -self.fill_height, 0.5 * self.size
+        return np.array([[0.0, floor], [reach, floor], [reach, rim]])
 
     @property
     def size(self) -> float:
@@ -129,7 +209,7 @@ class PrismaticContainer(SolvedContainer):
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class Prism(PrismaticContainer):
-    """A container with vertical walls over any outline that is symmetric about x or y.
+    """A container with vertical walls over any outline.
 
     >>> from slosh_model.shapes import Prism
     >>> square = ((0.0, 0.0), (0.06, 0.0), (0.06, 0.06), (0.0, 0.06))
@@ -155,8 +235,12 @@ class Prism(PrismaticContainer):
             raise SloshModelError(f"{key} needs three different points", ("container", "outline"))
         object.__setattr__(self, "outline", points)
         check_simple(self._as_given, key, closed=True)
-        if abs(area_and_centre(self._as_given)[0]) < 1e-8:
-            raise SloshModelError(f"{key} encloses no area", ("container", "outline"))
+        places = np.array(points)
+        extent = float(np.hypot(*(places - places.mean(axis=0)).T).max())
+        area = abs(area_and_centre(self._as_given)[0])
+        if area < NARROWEST * extent**2:
+            what = "no area" if area < 1e-8 else "too little area: a gap, or a point is wrong"
+            raise SloshModelError(f"{key} encloses {what}", ("container", "outline"))
 
     @property
     def _as_given(self) -> tuple[Piece, ...]:
@@ -227,6 +311,34 @@ class Tray(PrismaticContainer):
             self, width=factor * self.width, depth=factor * self.depth,
             corner_radius=factor * self.corner_radius,
         )  # fmt: skip
+
+
+@lru_cache(maxsize=256)
+def _wall_corners(container: PrismaticContainer) -> Array:
+    """Returns the corners (K, 2) of the wall [m], bends in short sides."""
+    ends = [
+        piece.at(np.linspace(0.0, 1.0, 2 if piece.straight else 129))[:-1]
+        for piece in container.contour
+    ]
+    found = few_corners(np.vstack(ends))
+    found.setflags(write=False)
+    return found
+
+
+@lru_cache(maxsize=256)
+def _furthest(container: PrismaticContainer) -> float:
+    """Returns the distance of the wall from the outline's centre, at most [m]."""
+    return float(np.hypot(*container.places.T).max())
+
+
+def _static_axes(container: PrismaticContainer, masses: int) -> float:
+    """Returns the azimuth of an axis along which modes leave a part of a plane surface [rad]."""
+    across = difference = 0.0
+    for n in range(1, masses + 1):
+        part = container.curved_gain(n) / container.natural_frequency(n) ** 2
+        across += part * math.sin(2.0 * container.direction(n))
+        difference += part * math.cos(2.0 * container.direction(n))
+    return math.remainder(0.5 * math.atan2(across, difference), _QUARTER)
 
 
 @lru_cache(maxsize=16)

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, ClassVar, Self, cast
+from typing import ClassVar, Self
 
-from slosh_model.checks import within
-from slosh_model.containers import DIMENSIONS
-from slosh_model.errors import SloshModelError
 from slosh_model.shapes.contour import Piece, Point, arc, line
 from slosh_model.shapes.revolution import RevolvedContainer
 
@@ -19,34 +16,6 @@ _QUARTER = 0.5 * math.pi
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class RoundCup(RevolvedContainer):
     """A body of revolution that is defined by lengths in metres."""
-
-    wide: ClassVar[tuple[str, ...]] = ()
-    """Its lengths across the axis."""
-
-    def _check_profile(self) -> None:
-        for item in fields(cast(Any, self)):
-            value = getattr(self, item.name)
-            if item.name not in ("fill_height", "rim_height", "table") and value is not None:
-                within(f"container.{item.name}", value, "m", *DIMENSIONS)
-        self._check_lengths()
-
-    def _check_lengths(self) -> None:
-        """Raises SloshModelError for inconsistent lengths."""
-
-    def _below(self, length: str, other: str, factor: float = 1.0) -> None:
-        """Raises SloshModelError unless a length is below a multiple of another."""
-        given, limit = getattr(self, length), factor * getattr(self, other)
-        if not given < limit:
-            times = "" if factor == 1.0 else f"{factor:g} "
-            raise SloshModelError(
-                f"container.{length} = {given:g} m must be below {times}{other} = {limit:g} m",
-                ("container", length),
-            )
-
-    def widened(self, factor: float) -> Self:
-        """Returns the cup with scaled horizontal lengths."""
-        changed = {name: factor * getattr(self, name) for name in self.wide}
-        return cast(Self, replace(cast(Any, self), **changed))
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)

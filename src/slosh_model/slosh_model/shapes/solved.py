@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from types import MappingProxyType
@@ -134,7 +134,7 @@ class SolvedContainer(Container):
         at, rows = _neighbours(replace(cast(Any, self), rim_height=None, table=None))
         if not at[0] <= fill_height <= at[-1]:
             return filled
-        table = ModeTable(filled.digest, interpolated(at, rows, fill_height))
+        table = ModeTable(filled.digest, interpolated(at, _alike(rows), fill_height))
         return cast(Self, replace(cast(Any, filled), table=table))
 
     @property
@@ -193,7 +193,7 @@ class SolvedContainer(Container):
 
     @property
     def linear_height(self) -> float:
-        """Height above which waves are nonlinear [m]: too steep, or on a sloping wall."""
+        """Wave height [m] above which the linear model fails: too steep, or on a sloping wall."""
         steep = STEEP * GRAVITY / self.natural_frequency(1) ** 2
         slope = abs(self.widening)
         return min(
@@ -225,6 +225,20 @@ def _neighbours(
     at = tuple(middle + reach * turn for turn in turns)
     changed = (replace(cast(Any, container), fill_height=height) for height in at)
     return at, tuple(solved_modes(one, LEAST) for one in changed)
+
+
+def _alike(rows: Sequence[tuple[ModeNumbers, ...]]) -> list[tuple[ModeNumbers, ...]]:
+    """Returns the modes along each axis before the first that has another shape in some row.
+
+    Modes in order of frequency change places as the fill height changes.
+    """
+    kept: list[int] = []
+    for axis in (0, 1):
+        for index in [k for k, mode in enumerate(rows[0]) if mode.axis == axis]:
+            if len({row[index].turns for row in rows}) > 1:
+                break
+            kept.append(index)
+    return [tuple(row[index] for index in kept) for row in rows]
 
 
 @lru_cache(maxsize=256)

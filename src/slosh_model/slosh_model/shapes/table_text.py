@@ -19,6 +19,7 @@ from slosh_model.shapes.mode_numbers import MOST, NAMES, ModeNumbers
 from slosh_model.shapes.solved import ModeTable, SolvedContainer
 
 MODES, OWNER, IN_USE = "modes", "modes_of", "modes_in_use"
+TURN = "turn"
 _AXES = ("x", "y")
 _LONGEST = 64_000
 
@@ -47,24 +48,44 @@ def points_of(value: Any, path: KeyPath, folder: Path) -> Any:
 
 def _csv_points(path: Path, keys: KeyPath) -> tuple[tuple[float, ...], ...]:
     try:
-        lines = list(csv.reader(read_text(path, _LONGEST).splitlines()))
+        lines = _cells(read_text(path, _LONGEST))
     except (TextFileError, csv.Error) as error:
         raise SloshModelError(f"{dotted(keys)}: {error}", keys) from None
-    found = []
+    found: list[tuple[float, ...]] = []
     for number, cells in enumerate(lines, start=1):
-        if not any(cell.strip() for cell in cells):
+        if not any(cells) or cells[0].startswith("#"):
             continue
         try:
             found.append(tuple(float(cell) for cell in cells))
         except ValueError:
-            if number == 1:  # a heading
+            if not found and not any(map(_is_number, cells)):  # a heading
                 continue
             raise SloshModelError(
-                f"{path}:{number}: {','.join(cells)!r:.60} must be two numbers [m]", keys
+                f"{path}:{number}: {' '.join(cells)!r:.60} must be two numbers [m]", keys
             ) from None
         if len(found) > MOST_POINTS:
             raise SloshModelError(f"{path}: more than {MOST_POINTS} points", keys)
     return tuple(found)
+
+
+def _cells(text: str) -> list[list[str]]:
+    """Splits lines at commas, or at semicolons, tabs or spaces, with a decimal comma or point."""
+    separator = next((one for one in (";", "\t") if one in text), "," if "," in text else None)
+    lines = [line.strip("\ufeff ") for line in text.splitlines()]
+    if separator is None:
+        return [line.split() for line in lines]
+    rows = [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=separator)]
+    if separator == ",":
+        return rows
+    return [[cell.replace(",", ".") for cell in row] for row in rows]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def solved_section(container: Container, count: int) -> dict[str, Any]:
@@ -72,9 +93,10 @@ def solved_section(container: Container, count: int) -> dict[str, Any]:
     table = cast(SolvedContainer, container).with_table(count).table
     assert table is not None
     rows = [
-        {name: _AXES[row.axis] if name == "axis" else getattr(row, name) for name in NAMES}
+        {name: _AXES[row.axis] if name == "axis" else getattr(row, name) for name in NAMES
+         if name != TURN or row.turn}
         for row in table.rows
-    ]
+    ]  # fmt: skip
     return {MODES: rows, OWNER: table.digest}
 
 
@@ -121,6 +143,7 @@ def _row(row: Any, path: KeyPath) -> ModeNumbers:
             raise SloshModelError(
                 f"unknown key '{dotted((*path, key))}' (known: {', '.join(NAMES)})", (*path, key)
             )
+    row = {TURN: 0.0, **row}  # left out: along x or y itself
     values: dict[str, Any] = {}
     for name in NAMES:
         if name not in row:

@@ -75,7 +75,7 @@ class DeadPorts:
         self.names: tuple[str, ...] = ()
 
     def look(self, now: float | None = None, *, close: bool = False) -> tuple[str, ...]:
-        """Locks ports of recently killed processes, and releases ports that are no longer in use.
+        """Reserves ports of recently killed processes; releases those that are no longer in use.
 
         Args:
             now: steady time [s].

@@ -49,7 +49,7 @@ class Cup:
     @property
     def points(self) -> tuple[Point, Point]:
         """Points of the liquid's surface and of the centre of mass; see `layout.TURNS`."""
-        turns = float(self.model.container.cornered)
+        turns = float(self.model.container.follows_yaw)
         x, y, z = self.place
         if self.standing is None:
             return (x, y, z, turns), (x, y, z, turns)
@@ -68,7 +68,7 @@ def cups_of(tray: Tray, limits: PlanLimits, *, turns: bool) -> tuple[Cup, ...]:
 
     Raises:
         SloshPlanError: no container, no limit of a height, a loosely standing container whose
-            model has several modes.
+            model has several modes or whose outline has no axis of symmetry.
     """
     if not tray.present:
         raise SloshPlanError("the tray is empty: no liquid to keep safe")
@@ -88,6 +88,10 @@ def _cup(one: TrayContainer, limits: PlanLimits) -> Cup:
     if one.standing is not None and len(one.model.mode_constants()) > 1:
         raise SloshPlanError(
             f"{where}stands loosely: the governor needs a model with one mode, without second_mode"
+        )
+    if one.standing is not None and one.model.container.one_directional:
+        raise SloshPlanError(
+            f"{where}stands loosely: the governor needs an outline with an axis of symmetry"
         )
     arm = next((use.parameters for use in one.placed.effects if use.name == ARM), None)
     place = (0.0, 0.0, 0.0) if arm is None else (arm["x"], arm["y"], arm["z"])

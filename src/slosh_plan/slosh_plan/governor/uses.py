@@ -15,8 +15,9 @@ from slosh_base.compiled.compilation import compiled
 from slosh_model.batch_kernel import advance_lanes
 from slosh_model.constants import GRAVITY
 from slosh_model.indices import GAIN, GAIN_Y, POSE_COUNT
-from slosh_model.kernel import constants_of, corner_height, lightness
+from slosh_model.kernel import constants_of, corner_height, lightness, turned
 from slosh_model.layout import records
+from slosh_model.outline_wall import highest_at_corners
 from slosh_plan.governor.layout import (
     ARM_X,
     BASE,
@@ -70,42 +71,71 @@ def _simulated(stores, cup, driven, which, intervals, count, heights):  # type: 
 
 
 @compiled
-def _highest(heights, count, end, cornered):  # type: ignore[no-untyped-def]
+def _on_wall(run, x, y, both_ways):  # type: ignore[no-untyped-def]
+    """Returns the greatest height on a container's wall [m].
+
+    Args:
+        run: its record of `layout.RUN`.
+        x, y: wall heights at its +x and +y; or, `both_ways`, amplitudes of either sign in the axes
+            of its modes [m].
+    """
+    count = int(run["corner_count"])
+    if count == 0:
+        return corner_height(x, y) if run["cornered"] != 0.0 else math.sqrt(x * x + y * y)
+    if not both_ways:
+        return highest_at_corners(run["corners"], count, x, y)
+    best = 0.0
+    for sign in (-1.0, 1.0):
+        along, across = turned(x, sign * y, -run["axes"])
+        best = max(best, highest_at_corners(run["corners"], count, along, across))
+        best = max(best, highest_at_corners(run["corners"], count, -along, -across))
+    return best
+
+
+@compiled
+def _highest(heights, count, end, run, mode):  # type: ignore[no-untyped-def]
     """Returns the greatest height of a lane; infinite where one is unknown.
 
-    After a stop the two axes of a wall with corners have waves of different frequencies, whose
-    crests may meet at any time: the highest of both add.
+    After a stop waves along two axes with different frequencies may meet with their crests at any
+    time: the highest of both add.
     """
+    beating = run["cornered"] != 0.0 or mode["frequency_ratio"] != 1.0 or mode["along_x"] != 0.0
     top = last_x = last_y = 0.0
-    if not cornered:
+    if not beating and run["corner_count"] == 0.0:  # a round wall, by far the quickest
         for row in range(1, count):
             square = heights[row, 0] * heights[row, 0] + heights[row, 1] * heights[row, 1]
             top = max(top, square) if square == square else math.inf
         return math.sqrt(top)
     for row in range(1, count):
         x, y = heights[row, 0], heights[row, 1]
-        if row >= end - 1:
+        after = beating and row >= end - 1
+        if after:
+            x, y = turned(x, y, run["axes"])
             x = last_x = max(last_x, abs(x))
             y = last_y = max(last_y, abs(y))
-        eta = corner_height(x, y)
+        eta = _on_wall(run, x, y, after)
         top = max(top, eta) if eta == eta else math.inf
     return top
 
 
 @compiled
 def _displacements(store, heights, felt, count, placed):  # type: ignore[no-untyped-def]
-    """Writes the displacement of the first mode's mass at each sample, from the wall heights."""
+    """Writes the displacement of the first mode's mass at each sample, from the wall heights.
+
+    In the axes of the mode.
+    """
     runs, modes = records(store)
     run, constants = runs[0], constants_of(modes[0])
     by_x, by_y = 1.0 / constants[GAIN], 1.0 / constants[GAIN_Y]
     placed[0, 0], placed[0, 1] = modes[0]["x"], modes[0]["y"]
     still_x, still_y = run["static_height"], run["static_height_y"]
     for row in range(1, count):
-        x, y = heights[row, 0], heights[row, 1]
+        x, y = turned(heights[row, 0], heights[row, 1], run["axes"])
         if still_x != 0.0 or still_y != 0.0:
             light = lightness(run["lift"], felt[row, 2])
-            x += still_x * light * felt[row, 0]
-            y += still_y * light * felt[row, 1]
+            ax, ay = turned(felt[row, 0], felt[row, 1], run["axes"])
+            x += still_x * light * ax
+            y += still_y * light * ay
         placed[row, 0], placed[row, 1] = x * by_x, y * by_y
 
 
@@ -129,20 +159,24 @@ def _pressures(felt, count, pressing):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _standing(cup, placed, felt, weights, pressing, count):  # type: ignore[no-untyped-def]
-    """Returns the largest shares of friction and base that a lane uses; see `standing_use`."""
+def _standing(cup, placed, felt, axes, weights, pressing, count):  # type: ignore[no-untyped-def]
+    """Returns the largest shares of friction and base that a lane uses; see `standing_use`.
+
+    All is added in the axes of the mode, `axes` [rad] away from the container's.
+    """
     slip = tip = 0.0
     for row in range(1, count - 1):
         force, inverse = pressing[row, 0], pressing[row, 1]
         if inverse == 0.0:
             return math.inf, math.inf
         lateral = moment = 0.0
+        pushed = turned(felt[row, 0], felt[row, 1], axes)
         for k in range(2):
-            q, mass = placed[row, k], cup[MASS_X + k]
+            q, mass, push = placed[row, k], cup[MASS_X + k], pushed[k]
             change = weights[row, 0] * placed[row - 1, k] + weights[row, 1] * q
             change += weights[row, 2] * placed[row + 1, k]
-            slides = felt[row, k] + mass * change
-            tips = mass * (q * force - cup[ARM_X + k] * change) - cup[CENTRE] * felt[row, k]
+            slides = push + mass * change
+            tips = mass * (q * force - cup[ARM_X + k] * change) - cup[CENTRE] * push
             lateral += slides * slides
             moment += tips * tips
         slip, tip = max(slip, lateral * inverse), max(tip, moment * inverse)
@@ -177,7 +211,7 @@ def add_uses(stores, cup, driven, which, ends, intervals, count, settings, uses)
     """
     heights = np.empty((which.shape[0] * MODELS, count, 2))
     _simulated(stores, cup, driven, which, intervals, count, heights)
-    cornered = records(stores[0, : int(cup[SIZE])])[0][0]["cornered"] != 0.0
+    runs, modes = records(stores[0, : int(cup[SIZE])])
     loose = cup[FRICTION] > 0.0
     tops, slips, tips = np.zeros(MODELS), np.zeros(MODELS), np.zeros(MODELS)
     placed, pressing = np.empty((count, 2)), np.empty((count, 2))
@@ -191,12 +225,12 @@ def add_uses(stores, cup, driven, which, ends, intervals, count, settings, uses)
             _pressures(pressed, count, pressing)
         for model in range(MODELS):
             lane = heights[one * MODELS + model]
-            tops[model] = _highest(lane, count, ends[candidate], cornered)
+            tops[model] = _highest(lane, count, ends[candidate], runs[0], modes[0])
             if loose:
                 store = stores[model, : int(cup[SIZE])]
                 _displacements(store, lane, driven[candidate, int(cup[POINT])], count, placed)
                 slips[model], tips[model] = _standing(
-                    cup, placed, pressed, weights, pressing, count
+                    cup, placed, pressed, runs[0]["axes"], weights, pressing, count
                 )
         found = uses[candidate]
         found[PEAK], found[NOMINAL] = _raised(tops, settings) + cup[EXTRA], tops[0]

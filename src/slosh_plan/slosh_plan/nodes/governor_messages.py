@@ -19,7 +19,7 @@ AXES = "xyz"
 
 
 def twist_command(message: TwistStamped) -> Command:
-    """Creates the command of a velocity."""
+    """Creates a governor command from a commanded velocity (TwistStamped)."""
     linear, angular = (
         tuple(float(getattr(part, axis)) for axis in AXES)
         for part in (message.twist.linear, message.twist.angular)
@@ -34,12 +34,12 @@ def pose_command(message: Any) -> Command:
 
 
 def governed_message(moved: Governed, frame: str, joints: Sequence[str] = ()) -> GovernedMotion:
-    """Creates the message of a step.
+    """Creates the GovernedMotion message of one governor step.
 
     Args:
         moved: the step.
-        frame: of the world.
-        joints: names of those that are commanded.
+        frame: name of the world's frame.
+        joints: names of the commanded joints.
     """
     of_joints: dict[str, Any] = {}
     if moved.joints:
@@ -77,7 +77,7 @@ def governed_message(moved: Governed, frame: str, joints: Sequence[str] = ()) ->
 
 
 def safe_twist(moved: Governed, frame: str) -> TwistStamped:
-    """Creates the velocity message for the robot."""
+    """Creates the velocity message (TwistStamped) of a governor step for the robot."""
     message = TwistStamped()
     message.header.stamp, message.header.frame_id = to_time(moved.stamp_ns), frame
     _set(message.twist.linear, moved.velocity)

@@ -8,21 +8,19 @@ import numpy as np
 from rclpy.node import Node
 
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.sampling import TOO_SLOW
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.tray import Tray
-from slosh_msgs.msg import FusedEstimate, ModelEstimate, SloshEstimate
+from slosh_msgs.msg import FusedEstimate, ModelEstimate, SloshEstimate, TrayEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds
 from slosh_plan import LiquidState
+from slosh_plan.start import LiquidStates
 
 OLDEST = 0.5
 """An estimate older than this [s] says nothing of the liquid now."""
-OF_A_TRAY = (
-    "of a tray only heights are published, and no state to begin from: predict from rest, "
-    "from_estimate: false"
-)
 UNKNOWN = (
     EstimateFlag.SETTLING
     | EstimateFlag.AFTER_GAP
@@ -53,6 +51,7 @@ class NewestEstimate:
         )  # fmt: skip
         self._estimates = self._subscribe(SloshEstimate, topics.ESTIMATE)
         self._fused = self._subscribe(FusedEstimate, topics.FUSED_ESTIMATE)
+        self._trays = self._subscribe(TrayEstimate, topics.TRAY_ESTIMATE)
         self._last: dict[type, Any] = {}
 
     def _subscribe(self, kind: type, topic: str) -> Any:
@@ -70,9 +69,46 @@ class NewestEstimate:
             modal = modal_of(fused)
             return LiquidState(modal, modal)
         message = self._newest(self._estimates, SloshEstimate)
+        self._check(message, self._estimates)
+        _check_flags(message.flags)
+        return LiquidState(modal_of(message.linear), modal_of(message.nonlinear))
+
+    def state_for(self, tray: Tray) -> LiquidStates:
+        """Returns the present state of the liquid that the gripper holds; see `state`.
+
+        Returns:
+            of a tray the state of each container that is there, by its name.
+
+        Raises:
+            SloshEstimatorError: as `state`, or the estimates are those of another tray.
+        """
+        if not tray.is_tray:
+            return self.state()
+        message = self._newest(self._trays, TrayEstimate)
+        self._check(message, self._trays)
+        if tuple(message.containers) != tray.names:
+            raise SloshEstimatorError(
+                f"{self._trays.topic_name} is of the containers {', '.join(message.containers)}, "
+                f"not of {', '.join(tray.names)}"
+            )
+        found = {}
+        for one, flags, state in zip(
+            tray.containers, message.flags, tray_states(message), strict=True
+        ):
+            if one.empty:
+                continue
+            try:
+                _check_flags(flags)
+            except SloshEstimatorError as error:
+                raise SloshEstimatorError(f"container {one.name}: {error}") from None
+            found[one.name] = LiquidState(*state)
+        return found
+
+    def _check(self, message: Any, subscription: Any) -> None:
+        """Raises SloshEstimatorError if no estimate has come, or if the last one is too old."""
         if message is None:
             raise SloshEstimatorError(
-                f"no estimate has come on {self._estimates.topic_name}: the liquid's state is "
+                f"no estimate has come on {subscription.topic_name}: the liquid's state is "
                 "unknown; is the estimator running?"
             )
         age = self._age(message)
@@ -80,25 +116,6 @@ class NewestEstimate:
             raise SloshEstimatorError(
                 f"the last estimate is {age:.2f} s old: the liquid's state is unknown"
             )
-        flags = EstimateFlag(message.flags) & UNKNOWN
-        if flags:
-            raise SloshEstimatorError(
-                f"the estimate's flags {int(flags):#x} say that the liquid's state is unknown; "
-                "wait until it has settled"
-            )
-        if message.flags & EstimateFlag.INPUT_TOO_SLOW:
-            raise SloshEstimatorError(f"{TOO_SLOW}, and so is the liquid's state")
-        return LiquidState(modal_of(message.linear), modal_of(message.nonlinear))
-
-    def state_for(self, tray: Tray) -> LiquidState:
-        """Returns the present state of the liquid that the gripper holds; see `state`.
-
-        Raises:
-            SloshEstimatorError: as `state`; the liquid of a tray's further containers is not told.
-        """
-        if tray.is_tray:
-            raise SloshEstimatorError(OF_A_TRAY)
-        return self.state()
 
     def _newest(self, subscription: Any, kind: type) -> Any:
         with subscription.handle:
@@ -111,6 +128,35 @@ class NewestEstimate:
         """Returns the age of a message [s] by its stamp."""
         now = self._node.get_clock().now().nanoseconds
         return float(now - to_nanoseconds(message.header.stamp)) / SECOND
+
+
+def _check_flags(flags: int) -> None:
+    """Raises SloshEstimatorError if an estimate's flags say that its state is not the liquid's."""
+    unknown = EstimateFlag(flags) & UNKNOWN
+    if unknown:
+        raise SloshEstimatorError(
+            f"the estimate's flags {int(unknown):#x} say that the liquid's state is unknown; "
+            "wait until it has settled"
+        )
+    if flags & EstimateFlag.INPUT_TOO_SLOW:
+        raise SloshEstimatorError(f"{TOO_SLOW}, and so is the liquid's state")
+
+
+def tray_states(message: TrayEstimate) -> list[tuple[Array, Array]]:
+    """Returns each container's modal states (modes, 4) of the linear and the nonlinear model.
+
+    Raises:
+        SloshEstimatorError: the message has other states than containers.
+    """
+    ends = np.cumsum(np.asarray(message.modes, dtype=np.int64))
+    sizes = {len(message.linear_modal), len(message.modal), 4 * int(ends[-1]) if len(ends) else 0}
+    if len(ends) != len(message.containers) or len(sizes) > 1:
+        raise SloshEstimatorError("the estimate of the tray has not one state for each container")
+    linear, nonlinear = (
+        np.split(np.array(values).reshape(-1, 4), ends[:-1])
+        for values in (message.linear_modal, message.modal)
+    )
+    return list(zip(linear, nonlinear, strict=True))
 
 
 def modal_of(answer: ModelEstimate | FusedEstimate) -> Any:

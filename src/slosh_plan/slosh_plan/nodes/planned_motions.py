@@ -18,12 +18,13 @@ from slosh_msgs_py.node.diagnostics import WARN, Health
 from slosh_msgs_py.node.memory import LargeMessages
 from slosh_msgs_py.point_arrays import unpacked
 from slosh_msgs_py.stamps import to_nanoseconds
-from slosh_plan import HeightLimits, LiquidState
+from slosh_plan import HeightLimits
 from slosh_plan.doubts import trajectory_doubts
 from slosh_plan.look_ahead import Record, error_of, look_ahead, warning
 from slosh_plan.nodes.held_container import ContainerWatch
 from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.predict_messages import trajectory_of_points
+from slosh_plan.start import LiquidStates
 from slosh_plan.trajectory import MOST_POINTS
 from slosh_plan.tray import TrayPrediction
 
@@ -146,7 +147,7 @@ class PlannedMotions:
         whence += "".join(f"; but {doubt}" for doubt in trajectory_doubts(motion))
         return self._message(found, now, start_ns, state is not None, whence)
 
-    def _state(self, tray: Tray) -> tuple[LiquidState | None, str]:
+    def _state(self, tray: Tray) -> tuple[LiquidStates | None, str]:
         """Returns the liquid's state, and why it is assumed to be at rest if so."""
         try:
             return self._estimate.state_for(tray), ""

@@ -31,10 +31,10 @@ from slosh_plan.nodes import plan_messages
 from slosh_plan.nodes.held_container import ContainerWatch
 from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.predict_messages import given
-from slosh_plan.planning.plan import TIME_LIMIT, check_plan_from, check_state
-from slosh_plan.planning.plan_tray import plan_for
+from slosh_plan.planning.plan import TIME_LIMIT
+from slosh_plan.planning.plan_tray import check_plan_from, check_states, plan_for
 from slosh_plan.planning.progress import PlanProgress, Watch
-from slosh_plan.robot_file import read_robot
+from slosh_plan.robot_file import robot_of
 
 SOURCES = ("slosh_plan", "slosh_model")
 LONGEST = 600.0
@@ -55,6 +55,14 @@ PARAMETERS = (
     ),
     ParameterSpec("urdf", "", "URDF file of the robot, for joint paths; empty if not needed"),
     ParameterSpec("tool_frame", "", "link of the robot that holds the container"),
+    ParameterSpec(
+        "srdf", "", "MoveIt's semantic robot description (SRDF), for group; empty if unused"
+    ),
+    ParameterSpec(
+        "group", "",
+        "group of the SRDF whose joints move; others that carry the container are held at 0 "
+        "unless they are given; empty: all move",
+    ),
     ParameterSpec(
         "joint_limits", "", "MoveIt's joint_limits.yaml, to override URDF limits; empty if unused"
     ),
@@ -84,7 +92,9 @@ class PlannerNode(PreparedNode):
         super().__init__("planner")
         self._values = values = declare(self, PARAMETERS)
         self._tray = read_tray(values["model"])
-        self._robot = read_robot(values["urdf"], values["tool_frame"], values["joint_limits"])
+        self._robot = robot_of(values)
+        if self._robot is not None and self._robot.doubt:
+            self.get_logger().warning(self._robot.doubt)
         self._settings = SettingsPublisher(
             self, sources_digest(*SOURCES), arithmetic_fingerprint(), values, (topics.ESTIMATE,)
         )
@@ -189,7 +199,7 @@ class PlannerNode(PreparedNode):
         limits = plan_messages.limits_of(request)
         asked = plan_messages.path_of(request, self._robot)
         if request.from_estimate:
-            check_state(tray.first.placed, limits, self._estimate.state_for(tray))
+            check_states(tray, limits, self._estimate.state_for(tray))
         watch.enter("path")
         longest = min(given(request.time_limit, self._values["time_limit"]), longest)
         answer, container = plan_for(
@@ -205,8 +215,8 @@ class PlannerNode(PreparedNode):
                 f"action {topics.PLAN_MOTION}, or cut the path"
             )
         if request.from_estimate:
-            state = self._estimate.state_for(tray)
-            check_plan_from(tray.first.placed, answer, asked.attitude, state)
+            states = self._estimate.state_for(tray)
+            check_plan_from(tray, answer, limits, asked.attitude, states)
         duration = f"{motion.duration:.3f} s"
         words = "optimal time law" if not answer.reason else f"{answer.method}: {answer.reason}"
         message = plan_messages.plan_message(answer, request, asked)

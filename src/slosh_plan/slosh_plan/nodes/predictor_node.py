@@ -26,7 +26,7 @@ from slosh_plan.nodes import predict_messages
 from slosh_plan.nodes.held_container import ContainerWatch
 from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.planned_motions import PlannedMotions
-from slosh_plan.robot_file import read_arm
+from slosh_plan.robot_file import robot_of
 from slosh_plan.scaling import COUNT
 from slosh_plan.trajectory import MOST_POINTS
 from slosh_plan.tray import limits_of, predict_tray, tray_scales
@@ -54,6 +54,14 @@ PARAMETERS = (
     ),
     ParameterSpec("urdf", "", "URDF file of the robot, for joint motions; empty if not needed"),
     ParameterSpec("tool_frame", "", "link of the robot that holds the container"),
+    ParameterSpec(
+        "srdf", "", "MoveIt's semantic robot description (SRDF), for group; empty if unused"
+    ),
+    ParameterSpec(
+        "group", "",
+        "group of the SRDF whose joints move; others that carry the container are held at 0 "
+        "unless they are given; empty: all move",
+    ),
     ParameterSpec("container_frame", "container", "container's frame in all published messages"),
 )  # fmt: skip
 LIMITS = ("limit", "residual_limit")
@@ -70,8 +78,8 @@ class PredictorNode(PreparedNode):
         super().__init__("predictor")
         self._values = values = declare(self, PARAMETERS, apply=self._on_change)
         self._tray = read_tray(values["model"])
-        urdf = values["urdf"]
-        self._arm = read_arm(urdf, values["tool_frame"]) if urdf else None
+        robot = robot_of(values)
+        self._arm = robot.arm if robot is not None else None
         self._settings = SettingsPublisher(
             self, sources_digest(*SOURCES), arithmetic_fingerprint(), values,
             (topics.ESTIMATE, topics.PLANNED_TRAJECTORY, topics.PREDICTION),

@@ -27,13 +27,13 @@ from slosh_msgs_py.node.prepared import PreparedNode
 from slosh_msgs_py.node.readiness import Progress
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
-from slosh_plan import LiquidState
 from slosh_plan.nodes.held_container import ContainerWatch
 from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.relayed_goal import Relayed, RelayRules, WrongJointsError, relayed
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.progress import Watch
-from slosh_plan.robot_file import read_robot
+from slosh_plan.robot_file import robot_of
+from slosh_plan.start import LiquidStates
 
 SOURCES = ("slosh_plan", "slosh_model")
 TYPE = next(row.type for row in topics.ACTIONS if row.name == topics.FOLLOW_TRAJECTORY)
@@ -43,6 +43,14 @@ PARAMETERS = (
     ),
     ParameterSpec("urdf", "", "URDF file of the robot"),
     ParameterSpec("tool_frame", "", "link of the robot that holds the container"),
+    ParameterSpec(
+        "srdf", "", "MoveIt's semantic robot description (SRDF), for group; empty if unused"
+    ),
+    ParameterSpec(
+        "group", "",
+        "group of the SRDF whose joints move; others that carry the container are held at 0 "
+        "unless they are given; empty: all move",
+    ),
     ParameterSpec(
         "joint_limits", "", "MoveIt's joint_limits.yaml, beside the URDF's limits; empty if unused"
     ),
@@ -86,7 +94,9 @@ class RelayNode(PreparedNode):
         self._kind = message_class(TYPE)
         self._values = values = declare(self, PARAMETERS)
         self._tray = read_tray(values["model"])
-        robot = read_robot(values["urdf"], values["tool_frame"], values["joint_limits"])
+        robot = robot_of(values)
+        if robot is not None and robot.doubt:
+            self.get_logger().warning(robot.doubt)
         if robot is None:
             raise SloshEstimatorError("urdf: the relay needs the robot's description")
         self._controller = self.resolve_topic_name(values["controller"])
@@ -215,7 +225,7 @@ class RelayNode(PreparedNode):
                 state=self._state(), watch=watch,
             )  # fmt: skip
 
-    def _state(self) -> LiquidState | None:
+    def _state(self) -> LiquidStates | None:
         """Returns the liquid's state, or None if it is unknown, which counts as at rest."""
         try:
             return self._estimate.state_for(self._container.tray)

@@ -14,7 +14,7 @@ from slosh_base.types import Array
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_model.tray import Tray
 from slosh_msgs_py.stamps import to_nanoseconds
-from slosh_plan import HeightLimits, LiquidState, Trajectory
+from slosh_plan import HeightLimits, Trajectory
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.joints import joint_curve
 from slosh_plan.look_ahead import look_ahead, warning
@@ -22,11 +22,11 @@ from slosh_plan.nodes.plan_messages import joint_points
 from slosh_plan.nodes.predict_messages import joint_columns
 from slosh_plan.planning.execution import execution_of
 from slosh_plan.planning.limits import PlanLimits
-from slosh_plan.planning.plan import check_plan_from
-from slosh_plan.planning.plan_tray import plan_for
+from slosh_plan.planning.plan_tray import check_plan_from, plan_for
 from slosh_plan.planning.progress import Watch
 from slosh_plan.planning.waypoints import JointWaypoints
 from slosh_plan.robot_file import CarryingRobot
+from slosh_plan.start import LiquidStates
 from slosh_plan.tray import TrayPrediction
 
 NAME = "the goal"
@@ -80,7 +80,7 @@ def relayed(
     *,
     now_ns: int,
     standing: Mapping[str, float],
-    state: LiquidState | None,
+    state: LiquidStates | None,
     watch: Watch,
 ) -> Relayed:
     """Checks a goal and returns what is to be sent to the controller.
@@ -91,7 +91,7 @@ def relayed(
         rules: by which it is judged.
         now_ns: the time [ns].
         standing: positions of the joints now, by name; empty: not known.
-        state: the liquid now; None: at rest.
+        state: the liquid now, of each container of a tray by its name; None: at rest.
         watch: ends the search for new times.
 
     Raises:
@@ -142,7 +142,12 @@ def _waypoints(
         ]
     if len(columns) == 1 and len(t) == 2:
         columns.append(np.zeros_like(columns[0]))  # from rest to rest
-    return JointWaypoints(names, t, *columns)
+    given = JointWaypoints(names, t, *columns)
+    try:
+        robot.check_group(given, NAME)
+    except SloshPlanError as error:
+        raise WrongJointsError(str(error)) from None
+    return given
 
 
 def _motion(given: JointWaypoints, robot: CarryingRobot) -> Trajectory:
@@ -174,7 +179,7 @@ def _retimed(
     given: JointWaypoints,
     tray: Tray,
     rules: RelayRules,
-    state: LiquidState | None,
+    state: LiquidStates | None,
     why: str,
     watch: Watch,
 ) -> Relayed:
@@ -182,7 +187,7 @@ def _retimed(
     path = robot.path(given, tray.turning.model.container, NAME, watch.stopped)
     answer, _ = plan_for(tray, path, rules.limits, None, 0.0, rules.time_limit, watch)
     if state is not None:
-        check_plan_from(tray.first.placed, answer, None, state)
+        check_plan_from(tray, answer, rules.limits, None, state)
     motion = answer.found.motion
     assert motion.joints is not None
     run = execution_of(motion, np.empty((0, 3)))

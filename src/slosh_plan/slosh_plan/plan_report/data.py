@@ -22,7 +22,7 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShownMotion:
-    """A motion along the path that the page shows.
+    """A motion along the path, as a plan's HTML page shows it.
 
     Attributes:
         title: for people.

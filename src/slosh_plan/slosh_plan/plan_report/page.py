@@ -75,7 +75,7 @@ class ChartSeries:
 
 
 def drawn(report: PlanReport) -> list[ShownMotion]:
-    """Returns the motions that the charts over time show."""
+    """Returns the motions that the time charts show: all but those that take much longer."""
     longest = LONGER * report.scaled.found.motion.duration
     return [one for one in report.motions if one.found.motion.duration <= longest]
 
@@ -219,7 +219,7 @@ def _top(series: ChartSeries) -> float:
 
 
 def render_plan(report: PlanReport) -> str:
-    """Renders the page of a plan as HTML; every text in it is escaped."""
+    """Renders the HTML page of a plan; every text in it is escaped."""
     document = plan_document(report)
     planned = len(document["motions"]) - 1
     return _template().render(
@@ -248,7 +248,7 @@ def headline(document: Document) -> str:
 
 
 def interval_excess(document: Document) -> float:
-    """Returns by how much the interval's upper end exceeds a limit [m], or 0."""
+    """Returns by how much the 95 % interval's upper end exceeds a height limit [m], or 0."""
     if document["upper"] is None:
         return 0.0
     limits = document["limits"]
@@ -269,7 +269,7 @@ def seen(document: Document) -> str:
 
 
 def _charts(report: PlanReport) -> dict[str, str]:
-    """Returns the charts of the page as SVG, by name."""
+    """Returns the charts of a plan's HTML page as SVG, by name."""
     charts = {}
     for width, size, low in (("wide", WIDE, LOW), ("narrow", NARROW, LOW_NARROW)):
         charts[f"height-{width}"] = heights_chart(report, size, f"height-{width}")

@@ -117,13 +117,8 @@ class Checker:
     scenarios: tuple[Model, ...] = ()
     loose: LooseContainer | None = None
 
-    @property
-    def models(self) -> tuple[Model, ...]:
-        """The model, and its variants with other likely parameters."""
-        return (self.model, *self.scenarios)
-
     def __call__(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
-        """Returns the simulated maximum heights of motions."""
+        """Returns motions with the maximum heights that their simulation gives."""
         found = checked(self.model, motions, self.attitude)
         if self.loose is not None:
             found = [replace(one, standing=self._use(one.motion)) for one in found]
@@ -159,7 +154,7 @@ class Checker:
 
 
 def _higher(one: CheckedMotion, other: CheckedMotion) -> CheckedMotion:
-    """Returns a motion with upper heights raised to those of another model, where higher."""
+    """Raises a motion's upper heights to the heights of another model, where these are higher."""
     return replace(
         one,
         upper=max(one.upper, other.peak),
@@ -168,7 +163,7 @@ def _higher(one: CheckedMotion, other: CheckedMotion) -> CheckedMotion:
 
 
 def _squared(one: CheckedMotion, other: CheckedMotion) -> tuple[float, float]:
-    """Returns variances of peak and residual from models one standard error to either side."""
+    """Returns variances [m²] of peak and residual height from models at ± one standard error."""
     if not math.isfinite(one.peak + other.peak):
         return math.inf, math.inf
     return (0.25 * (one.peak - other.peak) ** 2, 0.25 * (one.residual - other.residual) ** 2)

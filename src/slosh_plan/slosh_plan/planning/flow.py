@@ -8,9 +8,14 @@ finds is simulated with the whole model.
 from __future__ import annotations
 
 import importlib
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from slosh_base.types import Array
 from slosh_model import Model
 from slosh_model.constants import GRAVITY
 from slosh_model.containers import X_AXIS, Y_AXIS
@@ -38,6 +43,7 @@ class Flow:
         alpha: of the cubic spring.
         pendulum: whether the liquid swings as a pendulum does.
         cornered: whether the heights along x and y add up in a corner.
+        axes: azimuth of the mode's x from the container's [rad].
         vertical: whether the vertical acceleration acts.
     """
 
@@ -50,9 +56,24 @@ class Flow:
     pendulum: bool
     cornered: bool
     vertical: bool
+    axes: float = 0.0
+
+    def turned(self, vector: Sequence[Expression], angle: float) -> Sequence[Expression]:
+        """Rotates pairs of horizontal components, of which a vector begins with one or has two."""
+        if self.axes == 0.0:
+            return vector
+        c, s, found = math.cos(angle), math.sin(angle), list(vector)
+        for n in range(0, len(found) - 1, 2):
+            x, y = found[n], found[n + 1]
+            found[n], found[n + 1] = c * x - s * y, s * x + c * y
+        return found
 
     def acceleration(self, q: Expression, a: Expression) -> list[Expression]:
-        """Returns q̈ [m/s²] of q = (x, y, ẋ, ẏ) for an acceleration in container axes."""
+        """Returns q̈ [m/s²] of q = (x, y, ẋ, ẏ) for an acceleration in container axes.
+
+        Both q in the axes of the mode.
+        """
+        a = self.turned([a[0], a[1], a[2]], -self.axes)
         lift = 1.0 + a[2] / GRAVITY if self.vertical else 1.0
         if self.pendulum:
             return [self._swing(q[n], q[n + 2], a[n], lift, self.frequency[n]) for n in (0, 1)]
@@ -95,7 +116,7 @@ class Flow:
         The wave runs on an ellipse whose half axes a, b follow from a² + b² = E, ab = L; its
         largest height is a ≤ 1 where 1 - E + L² ≥ 0 and E ≤ 2 (heights by the limit).
 
-        Where heights add up in a corner the amplitudes along x and y are at most `share` and
+        Where x and y have different frequencies their amplitudes are at most `share` and
         1 - share of the limit: a free number between 0 and 1, in place of roots, which bend too
         sharply near 0 for a search.
         """
@@ -103,7 +124,7 @@ class Flow:
             self.gain[n % 2] * q[n] / limit / (1.0 if n < 2 else self.frequency[n % 2])
             for n in range(4)
         )
-        if self.cornered:
+        if self.frequency[0] != self.frequency[1]:
             return [x * x + vx * vx - share**2, y * y + vy * vy - (1.0 - share) ** 2]
         energy, turn = x * x + y * y + vx * vx + vy * vy, x * vy - y * vx
         return [energy - 1.0 - turn * turn, energy - 2.0]
@@ -116,6 +137,12 @@ def flow_of(model: Model) -> Flow:
     curved = acting.get("surface_nonlinearity")
     gains = tuple(model.height_gains(axis=axis)[0] for axis in (X_AXIS, Y_AXIS))
     frequencies = tuple(mode.along(axis).natural_frequency for axis in (X_AXIS, Y_AXIS))
+    axes = model.container.axes(model.mode_count)
+    if model.container.one_directional:  # as if the first two were at right angles
+        second = model.mode_constants()[1]
+        gains = (gains[0], model.height_gains()[1])
+        frequencies = (frequencies[0], second.natural_frequency)
+        axes = model.container.direction(1)
     return Flow(
         frequency=(frequencies[0], frequencies[1]),
         damping=mode.damping_ratio,
@@ -126,4 +153,23 @@ def flow_of(model: Model) -> Flow:
         pendulum="pendulum_nonlinearity" in acting,
         cornered=model.container.cornered,
         vertical=VERTICAL in acting,
+        axes=axes,
     )
+
+
+def first_mode(model: Model, modal: Array) -> Array:
+    """Returns (N, 4) the states of `Flow` of a simulated motion.
+
+    Args:
+        model: the model.
+        modal: (N, modes, 4), as `simulate` gives them.
+    """
+    container = model.container
+    if not container.one_directional:
+        return np.asarray(modal[:, 0])
+    found = np.empty((len(modal), 4))
+    for n in (0, 1):
+        angle = container.direction(n + 1) - container.axes(model.mode_count)
+        found[:, n] = modal[:, n, :2] @ [math.cos(angle), math.sin(angle)]
+        found[:, n + 2] = modal[:, n, 2:] @ [math.cos(angle), math.sin(angle)]
+    return found

@@ -210,7 +210,7 @@ class Interval:
     def _there(
         self, full: Expression, curve: Expression, limits: Expression
     ) -> tuple[Expression, list[Expression]]:
-        """Returns the time derivative of the liquid's state, and the constraints in a state."""
+        """Returns the liquid state's time derivative, and the constraints, at a given state."""
         ca = casadi()
 
         tangent, bend, _ = ca.vertsplit(curve[:CURVE], 3)
@@ -229,11 +229,11 @@ class Interval:
             pushed = flow.acceleration(q, felt)
             rates += [q[2], q[3], *pushed]
             if self.loose is not None and n == 0:
-                kept += self.loose.demands(q, pushed, felt, limits[STANDING])
+                kept += self.loose.demands(flow, q, pushed, felt, limits[STANDING])
         return ca.vertcat(*rates), kept
 
     def _felt(self, full: Expression, acceleration: Expression, curve: Expression) -> Expression:
-        """Returns the acceleration in container axes, with gravity if the container tilts."""
+        """Returns the acceleration in container axes; includes gravity's part if it tilts."""
         ca = casadi()
 
         if self.joints is not None:

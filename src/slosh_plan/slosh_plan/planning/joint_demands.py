@@ -43,7 +43,7 @@ class JointDemands:
         return CURVE + TURN + ORDERS * count * (2 if self.torques else 1)
 
     def turned(self, curve: Expression) -> Expression:
-        """Returns the rotation from world to container axes; without yaw if liquid has none."""
+        """Returns the rotation from world to container axes, with yaw only for boxes."""
         ca = casadi()
         return ca.reshape(curve[CURVE : CURVE + TURN], 3, 3).T
 

@@ -78,7 +78,7 @@ class JointLeg(Leg):
         return found / length
 
     def _liquid_axes(self, s: Array) -> Array:
-        """Returns rotations (N, 3, 3), world to container axes; without yaw if liquid has none."""
+        """Returns rotations (N, 3, 3), world to container axes, with yaw only for boxes."""
         quaternions = self.attitudes(s)
         back: Array = Rotation.from_quat(quaternions).inv().as_matrix()
         if self.follows_yaw:

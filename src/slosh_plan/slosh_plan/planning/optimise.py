@@ -18,7 +18,7 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_plan.planning.collocation import CollocationProblem
 from slosh_plan.planning.flow import Flow, casadi
-from slosh_plan.planning.interval import LIMITS, StateLayout
+from slosh_plan.planning.interval import CHAIN, LIMITS, StateLayout
 from slosh_plan.planning.limits import LARGEST, PlanLimits
 from slosh_plan.planning.loose_terms import LooseTerms
 from slosh_plan.planning.path import Path
@@ -54,6 +54,17 @@ class LegGuess:
     controls: Array
     middles: Array
 
+    @property
+    def tilts(self) -> bool:
+        """Whether the container tilts."""
+        return len(self.controls[0]) > 1
+
+    def slowed(self, factor: float) -> LegGuess:
+        """Returns the motion slowed by a factor; the liquid stays as it was."""
+        states, driven = self.states.copy(), self.controls.shape[1]
+        states[:, : CHAIN * driven] /= np.tile(factor ** np.arange(CHAIN), driven)
+        return LegGuess(factor * self.duration, states, self.controls / factor**3, self.middles)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathSolution:
@@ -61,13 +72,11 @@ class PathSolution:
 
     Attributes:
         legs: the motion: where the next search may start.
-        tilting: whether the container tilts.
         converged: whether the solver says that it is a local optimum.
         status: the solver's own words.
     """
 
     legs: tuple[LegGuess, ...]
-    tilting: bool
     converged: bool
     status: str
 
@@ -142,12 +151,10 @@ class PathSearch:
         )  # fmt: skip
         stats = solver.stats()
         legs = self._unpacked(np.asarray(answer["x"]).ravel())
-        return PathSolution(
-            legs, self.layout.tilting, bool(stats["success"]), str(stats["return_status"])
-        )
+        return PathSolution(legs, bool(stats["success"]), str(stats["return_status"]))
 
     def _solver(self, seconds: float) -> Any:
-        """Returns IPOPT's solver; creates a new one if its time limit is too long."""
+        """Returns IPOPT's solver; makes a new one if its time limit exceeds the time left."""
         if self._made is None or seconds < 0.6 * self._made_for:
             options = {
                 "iteration_callback": self._stopper, "ipopt.max_wall_time": max(seconds, 0.1)

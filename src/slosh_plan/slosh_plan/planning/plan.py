@@ -9,7 +9,6 @@ the search goes on, until the simulation keeps all of them.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -19,7 +18,6 @@ from slosh_base.types import Array
 from slosh_model import Model
 from slosh_model.for_notebooks import Shown, height_axes, table
 from slosh_plan.errors import SloshPlanError
-from slosh_plan.limits import HeightLimits
 from slosh_plan.planning import optimise
 from slosh_plan.planning.checked import CheckedMotion, Checker, LooseContainer, attitudes, horizon
 from slosh_plan.planning.known_laws import LONGEST, Scaled, best_scaled
@@ -28,8 +26,7 @@ from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import StoppedError, Watch
 from slosh_plan.planning.search import Found, Legs, OptimalSearch
 from slosh_plan.planning.time_law import PlannedMotion
-from slosh_plan.prediction import ModelError, check_start, predict
-from slosh_plan.start import LiquidState
+from slosh_plan.prediction import ModelError, predict
 from slosh_plan.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -130,8 +127,6 @@ def plan(
     error: ModelError | None = None,
     time_limit: float = TIME_LIMIT,
     watch: Watch | None = None,
-    scenarios: Sequence[Model] = (),
-    start: Plan | None = None,
     loose: LooseContainer | None = None,
 ) -> Plan:
     """Plans a motion from rest to rest, for liquid at rest.
@@ -148,10 +143,7 @@ def plan(
             parameters where there is one. None: the heights themselves keep them.
         time_limit: after which the search ends with what it has [s].
         watch: is told how far the plan has come, and ends it with what it has; None: nobody does.
-        scenarios: models with other parameters, whose heights keep the limits, too.
         loose: how the container stands on a tray; None: it is held.
-        start: a plan for other scenarios along the same path, from which the search starts; None:
-            there is none.
 
     Raises:
         NoSafeMotionError: no known law keeps the limits, however slow.
@@ -160,32 +152,49 @@ def plan(
     """
     watch = watch or Watch()
     limits = limits.under_rim(model)
-    kept = limits.lowered(margin)
-    nominal = _nominal(kept, error)
-    yaw = upright_yaw(attitude)
-    model = tilting(model, limits, path)
-    others = tuple(tilting(one, limits, path) for one in scenarios)
-    check = Checker(model, attitude, error, others, loose)
-    scaled, found = None if start is None else start.scaled, Found(None)
-    if start is not None and start.legs:
-        search = OptimalSearch(check, path, kept, nominal, yaw, start.scaled, time_limit, watch)
-        found = search.resume(start.legs, start.found.motion)
-    if found.motion is None:
-        scaled = fastest_law(check, path, kept, watch)
-        found = Found(scaled.found, words=HOW_TO_GET)
-        if optimise.available():
-            search = OptimalSearch(check, path, kept, nominal, yaw, scaled, time_limit, watch)
-            found = search.run()
+    check, kept, nominal, yaw = demanded(model, path, limits, attitude, margin, error, loose)
+    scaled = fastest_law(check, path, kept, watch)
+    found = Found(scaled.found, words=HOW_TO_GET)
+    if optimise.available():
+        search = OptimalSearch(check, path, kept, nominal, yaw, scaled, time_limit, watch)
+        found = search.run()
     best = found.motion
     assert best is not None
-    assert scaled is not None
     method = "optimal" if found.legs else scaled.law
-    upper = (best.upper, best.residual_upper) if error else _upper(model, best.motion, attitude)
-    left = float(model.container.wall.place(best.peak).distance_to_rim)
+    upper = (best.upper, best.residual_upper) if error else _upper(check, best.motion)
     return Plan(
         best, limits, margin, error, method, found.words, upper, scaled, path, watch.elapsed,
-        attitude, left, found.legs,
+        attitude, distance_to_rim(model, best), found.legs,
     )  # fmt: skip
+
+
+def demanded(
+    model: Model,
+    path: Path,
+    limits: PlanLimits,
+    attitude: Array | None,
+    margin: float,
+    error: ModelError | None,
+    loose: LooseContainer | None,
+) -> tuple[Checker, PlanLimits, PlanLimits, float]:
+    """Returns the check of motions, limits to keep with and without the error, and the yaw [rad].
+
+    Args:
+        model, path, attitude, margin, error, loose: as of `plan`.
+        limits: the rim is one of them.
+
+    Raises:
+        SloshPlanError: a container that is not upright, or a margin that leaves nothing.
+    """
+    kept = limits.lowered(margin)
+    nominal = _nominal(kept, error)
+    check = Checker(tilting(model, limits, path), attitude, error, (), loose)
+    return check, kept, nominal, upright_yaw(attitude)
+
+
+def distance_to_rim(model: Model, found: CheckedMotion) -> float:
+    """Returns the vertical distance that a motion leaves to the rim [m]; NaN: unknown."""
+    return float(model.container.wall.place(found.peak).distance_to_rim)
 
 
 def fastest_law(check: Checker, path: Path, limits: PlanLimits, watch: Watch) -> Scaled:
@@ -209,7 +218,7 @@ def fastest_law(check: Checker, path: Path, limits: PlanLimits, watch: Watch) ->
 
 
 def tilting(model: Model, limits: PlanLimits, path: Path) -> Model:
-    """Returns the model for planning; it includes gravity by tilt if the container may tilt.
+    """Returns the model for planning, with gravity along the floor if the container may tilt.
 
     Raises:
         SloshPlanError: the joints determine the attitude, and yet the container may tilt.
@@ -231,13 +240,12 @@ def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:
     )
 
 
-def _upper(
-    model: Model, motion: PlannedMotion, attitude: Array | None
-) -> tuple[float, float] | None:
+def _upper(check: Checker, motion: PlannedMotion) -> tuple[float, float] | None:
     """Returns upper ends of peak and residual height [m]; None if their uncertainty is unknown."""
+    model = check.model
     if model.covariance is None:
         return None
-    turned = attitudes(motion, attitude, len(motion.t))
+    turned = attitudes(motion, check.attitude, len(motion.t))
     trajectory = Trajectory(motion.t, motion.acceleration, turned, name="plan")
     (found,) = predict(model, trajectory, horizon=horizon(model))
     return found.upper, found.residual_upper
@@ -261,34 +269,3 @@ def upright_yaw(attitude: Array | None) -> float:
             f"the container is tilted by {tilt:.3g}°: only upright containers can be planned for"
         )
     return 2.0 * math.atan2(z, w)
-
-
-def check_state(model: Model, limits: PlanLimits, state: LiquidState) -> None:
-    """Raises SloshPlanError if the liquid exceeds the limit even before any motion."""
-    check_start(model, state, HeightLimits(limits.height))
-
-
-def check_plan_from(
-    model: Model, answer: Plan, attitude: Array | None, state: LiquidState
-) -> None:
-    """Raises SloshPlanError if a plan exceeds its limits from a given initial state.
-
-    Args:
-        model: as it was planned with.
-        answer: the plan.
-        attitude: (4,) that the container keeps; None: not turned.
-        state: the liquid when the motion begins.
-    """
-    motion, limits = answer.found.motion, answer.limits
-    turned = attitudes(motion, attitude, len(motion.t))
-    trajectory = Trajectory(motion.t, motion.acceleration, turned, name="the plan")
-    heights = HeightLimits(limits.height, limits.residual)
-    (found,) = predict(
-        model, trajectory, limits=heights, state=state, horizon=horizon(model)
-    )  # fmt: skip
-    peak, residual = found.nonlinear.peak, found.nonlinear.residual
-    if peak > limits.height or residual > limits.residual:
-        raise SloshPlanError(
-            f"the liquid moves: from its state now the plan reaches {1e3 * peak:.1f} mm and "
-            f"leaves {1e3 * residual:.1f} mm; wait until it has settled"
-        )

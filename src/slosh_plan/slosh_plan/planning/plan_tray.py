@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -11,12 +12,14 @@ from slosh_model.tray import Tray, TrayContainer
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.limits import HeightLimits
 from slosh_plan.planning.checked import LooseContainer, attitudes, horizon
+from slosh_plan.planning.likely import NEEDED
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
-from slosh_plan.planning.plan import NoSafeMotionError, Plan, plan
+from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, plan
 from slosh_plan.planning.progress import Watch
-from slosh_plan.planning.robust import plan_robust
-from slosh_plan.prediction import ModelError, Prediction
+from slosh_plan.planning.robust import LikelyHeights, likely_use, plan_robust
+from slosh_plan.prediction import ModelError, Prediction, check_start
+from slosh_plan.start import LiquidStates, state_of
 from slosh_plan.trajectory import Trajectory
 from slosh_plan.tray import TrayPrediction, check_present, limits_of, predict_tray
 
@@ -33,23 +36,31 @@ class TrayPlan(NamedTuple):
 
     Attributes:
         plan: for the container that determines it.
-        of: name of that one.
-        found: what the motion does to each, by its own limits.
+        one: that container; its name is empty where a model stands for a tray of one.
+        found: what the motion does to each, by its own limits; None: there is no tray.
+        likely: heights for all likely parameters of its model; None: these were not asked for.
     """
 
     plan: Plan
-    of: str
-    found: TrayPrediction
+    one: TrayContainer
+    found: TrayPrediction | None = None
+    likely: LikelyHeights | None = None
+
+
+def no_error(model: str) -> ModelError | None:
+    """Returns None: the error of no model is known."""
+    return None
 
 
 def plan_tray(
     tray: Tray,
     limits: PlanLimits,
-    make: Callable[[TrayContainer, PlanLimits], Plan],
+    make: Callable[[TrayContainer, PlanLimits], TrayPlan],
     *,
     attitude: Array | None = None,
     margin: float = 0.0,
     error: ModelError | None = None,
+    robust: bool = False,
 ) -> TrayPlan:
     """Plans for the container with the lowest limit, and for another one if necessary.
 
@@ -64,6 +75,7 @@ def plan_tray(
         attitude: (4,) that the tray keeps; None: not turned.
         margin: by which the heights stay below their limits [m].
         error: the models' measured error; None: the heights themselves keep the limits.
+        robust: whether the limits hold for all likely parameters of every container's model.
 
     Raises:
         NoSafeMotionError: none of the plans keeps all limits.
@@ -80,14 +92,20 @@ def plan_tray(
             friction=own.friction * share, tipping=own.tipping * share,
         )  # fmt: skip
         answer = make(by_name[one], asked)
-        found = _predicted(tray, answer, limits, attitude, error)
+        found = _predicted(tray, answer.plan, limits, attitude, error)
+        motion = answer.plan.found.motion
         use = {
-            name: max(_use(each, margin), *found.standing.get(name, (0.0,)))
+            name: max(
+                likely_use(by_name[name].placed, motion, each.limits, attitude, margin, error)
+                if robust
+                else _use(each, margin),
+                *found.standing.get(name, (0.0,)),
+            )
             for name, each in found.containers.items()
         }
         worst = max(use, key=lambda name: use[name])
         if use[worst] <= 1.0 + ROUNDING:
-            return TrayPlan(answer, one, found)
+            return answer._replace(found=found)
         lowered[one] *= LOWERED / use[worst]
         one = worst
     raise NoSafeMotionError(
@@ -107,44 +125,112 @@ def plan_for(
     *,
     robust: bool = False,
 ) -> tuple[Plan, str]:
+    """Plans as `plan_container`; returns the plan and the name of the container.
+
+    Args:
+        tray, path, limits, attitude, margin, time_limit, watch, robust: as of that.
+    """
+    found = plan_container(
+        tray, path, limits, attitude=attitude, margin=margin, time_limit=time_limit, watch=watch,
+        robust=robust,
+    )  # fmt: skip
+    return found.plan, found.one.name
+
+
+def plan_container(
+    tray: Tray,
+    path: Path,
+    limits: PlanLimits,
+    *,
+    attitude: Array | None = None,
+    margin: float = 0.0,
+    errors: Callable[[str], ModelError | None] = no_error,
+    time_limit: float = TIME_LIMIT,
+    watch: Watch | None = None,
+    robust: bool = False,
+) -> TrayPlan:
     """Plans for a tray or a single container within a time; see `plan` and `plan_tray`.
 
     Args:
         tray: a tray, or a model as a tray of one.
         path, limits, attitude, margin: as of `plan`.
+        errors: the measured error of a model by its name.
         time_limit: of all searches together [s]; each of a tray's has half of what is left.
-        watch: ends the searches.
-        robust: whether the limits hold for all likely parameters of the model; see `plan_robust`.
+        watch: ends the searches; None: nobody does.
+        robust: whether the limits hold for all likely parameters of the models; see `plan_robust`.
 
     Raises:
-        SloshPlanError: as of `plan`, and a robust plan for a tray.
-
-    Returns:
-        the plan, and the container that determines it; empty: there is no tray.
+        SloshPlanError: as of `plan` and `plan_robust`.
     """
+    watch = watch or Watch()
+    for one in tray.present if robust else ():
+        if one.model.covariance is None:
+            raise SloshPlanError(f"container {one.name}: {NEEDED}" if one.name else NEEDED)
 
-    def make(one: TrayContainer, kept: PlanLimits, time_limit: float) -> Plan:
+    def make(one: TrayContainer, kept: PlanLimits) -> TrayPlan:
         watch.forget()
-        return plan(
-            one.placed, path, kept, attitude=attitude, margin=margin, time_limit=time_limit,
-            watch=watch, loose=LooseContainer.of(one),
-        )  # fmt: skip
-
-    def make_within(one: TrayContainer, kept: PlanLimits) -> Plan:
-        return make(one, kept, 0.5 * max(time_limit - watch.elapsed, 0.0))
-
-    if robust:
+        left = time_limit
         if tray.is_tray:
-            raise SloshPlanError("a robust plan is for one container, not for a tray")
-        found, _ = plan_robust(
-            tray.first.placed, path, limits, attitude=attitude, margin=margin,
-            time_limit=time_limit, watch=watch,
+            left = 0.5 * max(time_limit - watch.elapsed, 0.0)
+        planner = plan_robust if robust else plan
+        found = planner(
+            one.placed, path, kept, attitude=attitude, margin=margin,
+            error=errors(one.model.name), time_limit=left, watch=watch,
+            loose=LooseContainer.of(one),
         )  # fmt: skip
-        return found, ""
+        if isinstance(found, Plan):
+            return TrayPlan(found, one)
+        return TrayPlan(found.plan, one, likely=found.likely)
+
     if not tray.is_tray:
-        return make(tray.first, limits, time_limit), ""
-    of_tray = plan_tray(tray, limits, make_within, attitude=attitude, margin=margin)
-    return of_tray.plan, of_tray.of
+        return make(tray.first, limits)
+    return plan_tray(
+        tray, limits, make, attitude=attitude, margin=margin,
+        error=errors(tray.first.model.name), robust=robust,
+    )  # fmt: skip
+
+
+def check_states(tray: Tray, limits: PlanLimits, states: LiquidStates) -> None:
+    """Raises SloshPlanError if a container's liquid exceeds its limit even before any motion."""
+    for one in tray.present:
+        with _named(one.name):
+            check_start(one.placed, state_of(states, one.name), limits_of(one, limits))
+
+
+def check_plan_from(
+    tray: Tray, answer: Plan, limits: PlanLimits, attitude: Array | None, states: LiquidStates
+) -> None:
+    """Raises SloshPlanError if a plan exceeds a limit from the present state of the liquid.
+
+    Args:
+        tray: a tray, or a model as a tray of one.
+        answer: the plan.
+        limits: that it was made with.
+        attitude: (4,) that the tray keeps; None: not turned.
+        states: the liquid when the motion begins.
+    """
+    found = _predicted(tray, answer, limits, attitude, None, states)
+    for name, one in found.containers.items():
+        peak, residual = one.nonlinear.peak, one.nonlinear.residual
+        if peak > one.limits.height or residual > one.limits.residual:
+            with _named(name):
+                raise SloshPlanError(
+                    f"the liquid moves: from its state now the plan reaches {1e3 * peak:.1f} mm "
+                    f"and leaves {1e3 * residual:.1f} mm; wait until it has settled"
+                )
+    if found.falling:
+        raise SloshPlanError(f"the liquid moves: {found.falling}; wait until it has settled")
+
+
+@contextmanager
+def _named(container: str) -> Iterator[None]:
+    """Names the container of a tray in a SloshPlanError."""
+    try:
+        yield
+    except SloshPlanError as error:
+        if not container:
+            raise
+        raise SloshPlanError(f"container {container}: {error}") from None
 
 
 def _height(one: TrayContainer, limits: PlanLimits) -> float:
@@ -158,7 +244,12 @@ def _use(found: Prediction, margin: float) -> float:
 
 
 def _predicted(
-    tray: Tray, answer: Plan, limits: PlanLimits, attitude: Array | None, error: ModelError | None
+    tray: Tray,
+    answer: Plan,
+    limits: PlanLimits,
+    attitude: Array | None,
+    error: ModelError | None,
+    states: LiquidStates | None = None,
 ) -> TrayPrediction:
     """Predicts the response of each container on the tray to a plan."""
     motion = answer.found.motion
@@ -166,4 +257,6 @@ def _predicted(
     trajectory = Trajectory(motion.t, motion.acceleration, turned, name="the plan")
     asked = HeightLimits(limits.height, limits.residual, rim_distance=limits.rim_distance)
     longest = max(horizon(one.model) for one in tray.present)
-    return predict_tray(tray, [trajectory], limits=asked, horizon=longest, error=error)[0]
+    return predict_tray(
+        tray, [trajectory], limits=asked, state=states, horizon=longest, error=error
+    )[0]

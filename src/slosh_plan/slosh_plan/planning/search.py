@@ -15,12 +15,12 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_model import Inputs, Model, simulate
 from slosh_plan.planning.checked import CheckedMotion, Checker, attitudes
-from slosh_plan.planning.flow import flow_of
+from slosh_plan.planning.flow import first_mode, flow_of
 from slosh_plan.planning.interval import CHAIN
 from slosh_plan.planning.known_laws import LONGEST, Scaled, leg_durations
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.loose_terms import LooseTerms
-from slosh_plan.planning.optimise import LegGuess, PathSearch, PathSolution
+from slosh_plan.planning.optimise import LegGuess, PathSearch
 from slosh_plan.planning.path import Leg, Path
 from slosh_plan.planning.progress import Watch
 from slosh_plan.planning.time_law import JerkLaw, PlannedMotion, Tilt, motion_along, whole_rows
@@ -76,8 +76,8 @@ class OptimalSearch:
     def run(self) -> Found:
         """Returns the best motion, and the reason if it is only a known time law."""
         best, last = Found(self.scaled.found), "the search found nothing faster"
-        if self._over():
-            return replace(best, words=self._why_over())
+        if self.over():
+            return replace(best, words=self.why_over())
         for problem, guess in self._starts():
             found = self._tightened(problem, guess, best)
             if found.motion is not None:
@@ -86,48 +86,39 @@ class OptimalSearch:
             last = found.words or last
             if self._enough(best):
                 break
-        if self.limits.tilt > 0.0 and best.legs and not self._over():
+        if self.limits.tilt > 0.0 and best.legs and not self.over():
             best = self._tilted(best)
         return replace(best, words="" if best.legs else last)
-
-    def resume(self, legs: Legs, motion: PlannedMotion) -> Found:
-        """Returns the motion that a search finds from the result of an earlier search.
-
-        Args:
-            legs: of the other search, which had other scenarios.
-            motion: the motion that it found.
-        """
-        self.watch.enter("search for the scenarios")
-        tilting = motion.tilt is not None
-        problem = self._problem([leg.duration for leg in legs], tilting=tilting)
-        guess = resumed(legs, problem, _waves(self._models, motion))
-        return self._tightened(problem, guess, Found(None))
-
-    @property
-    def _models(self) -> tuple[Model, ...]:
-        """The models whose liquids are unknowns of the optimisation."""
-        return self.check.models[: TUNING.most_liquids]
 
     def _starts(self) -> Iterator[tuple[PathSearch, Legs]]:
         """Yields optimisations with constant attitude, each with an initial guess."""
         duration = self.scaled.found.motion.duration
-        problem = self._problem(leg_durations(self.path, duration), tilting=False)
+        problem = self.problem(leg_durations(self.path, duration), tilting=False)
         for n, factor in enumerate(TUNING.starts, start=1):
             self.watch.enter(f"search {n} of {len(TUNING.starts)}")
-            yield problem, guess_of(self._models, self.path, self.scaled, problem, factor)
+            yield problem, guess_of(self.check.model, self.path, self.scaled, problem, factor)
 
     def _tilted(self, upright: Found) -> Found:
         """Optimises the motion with tilt, starting from the upright motion."""
         self.watch.enter("search with tilt")
-        problem = self._problem([leg.duration for leg in upright.legs], tilting=True)
+        problem = self.problem([leg.duration for leg in upright.legs], tilting=True)
         found = self._tightened(problem, resumed(upright.legs, problem), upright)
         if found.motion is None:
             return upright
         self.watch.found(found.motion.motion.duration)
         return found
 
-    def _problem(self, durations: Sequence[float], *, tilting: bool) -> PathSearch:
-        flows = [flow_of(model) for model in self._models]
+    def problem(
+        self, durations: Sequence[float], *, tilting: bool, others: Sequence[Model] = ()
+    ) -> PathSearch:
+        """Creates the optimisation along the path.
+
+        Args:
+            durations: of the legs, about [s].
+            tilting: whether the container may tilt.
+            others: models with other parameters, whose liquids keep the limits, too.
+        """
+        flows = [flow_of(model) for model in (self.check.model, *others)]
         loose = self.check.loose
         terms = None if loose is None else LooseTerms.of(self.check.model, loose.standing)
         return PathSearch(flows, self.path, self.yaw, durations, tilting=tilting, loose=terms)
@@ -144,13 +135,13 @@ class OptimalSearch:
         """
         asked = self.nominal.reduced(TUNING.ahead)
         for _ in range(TUNING.search_rounds):
-            if self._over():
-                return Found(None, words=self._why_over())
+            if self.over():
+                return Found(None, words=self.why_over())
             left = self.time_limit - self.watch.elapsed
-            solution = problem.solve(asked, guess, left, self._over)
-            if not solution.converged and self._over():
-                return Found(None, words=self._why_over())
-            found = self._checked(solution)
+            solution = problem.solve(asked, guess, left, self.over)
+            if not solution.converged and self.over():
+                return Found(None, words=self.why_over())
+            found = self.checked(solution.legs)
             if found is None:
                 return Found(None, words=f"the search failed ({solution.status})")
             faster = found.motion.duration < best.duration
@@ -161,29 +152,32 @@ class OptimalSearch:
             if not solution.converged:
                 return Found(None, words=f"the search failed ({solution.status})")
             guess = solution.legs
-            asked = _lowered(asked, found.excess(self.limits))
+            asked = lowered(asked, found.excess(self.limits))
         words = f"the search kept exceeding a limit after {TUNING.search_rounds} rounds"
         return Found(None, words=words)
 
-    def _over(self) -> bool:
+    def over(self) -> bool:
+        """Returns whether the search must end."""
         return self.watch.stopped() or self.watch.elapsed >= self.time_limit
 
-    def _why_over(self) -> str:
+    def why_over(self) -> str:
+        """Describes why the search must end."""
         late = self.watch.elapsed >= self.time_limit
         return "the search's time was up" if late else "the search was stopped"
 
-    def _checked(self, solution: PathSolution) -> CheckedMotion | None:
-        duration = sum(leg.duration for leg in solution.legs)
+    def checked(self, legs: Legs) -> CheckedMotion | None:
+        """Simulates the motion of an optimisation's result; None if it is too long, or not one."""
+        duration = sum(leg.duration for leg in legs)
         if not (math.isfinite(duration) and 0.0 < duration < LONGEST):
             return None
         factor = whole_rows(duration) / duration
         laws = [
             _law_of(found, leg).stretched(factor)
-            for found, leg in zip(solution.legs, self.path.legs, strict=True)
+            for found, leg in zip(legs, self.path.legs, strict=True)
         ]
         motion = motion_along(self.path, laws, [law.duration for law in laws])
-        if solution.tilting:
-            motion = replace(motion, tilt=_tilt_of(solution.legs, factor, motion.t, self.yaw))
+        if legs[0].tilts:
+            motion = replace(motion, tilt=_tilt_of(legs, factor, motion.t, self.yaw))
         return self.check([motion])[0]
 
 
@@ -216,7 +210,7 @@ def _tilt_of(legs: Legs, factor: float, t: np.ndarray, yaw: float) -> Tilt:
     return Tilt(yaw, *found)
 
 
-def _lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
+def lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
     """Reduces the exceeded limits by their excess."""
     lower = {
         name: getattr(limits, name) / (1.0 + min(share, 1.0)) * (1.0 - TUNING.slack)
@@ -226,20 +220,18 @@ def _lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
     return replace(limits, **lower)
 
 
-def guess_of(
-    models: Sequence[Model], path: Path, start: Scaled, search: PathSearch, factor: float
-) -> Legs:
+def guess_of(model: Model, path: Path, start: Scaled, search: PathSearch, factor: float) -> Legs:
     """Creates the initial guess of an optimisation from a motion with a known time law.
 
     Args:
-        models: of the search's liquids.
+        model: of the liquid.
         path: the path.
         start: the motion by the law.
         search: whose nodes the guess has.
         factor: by which the start is slower; the liquid's answer stays as it was.
     """
     motion, layout = start.found.motion, search.layout
-    waves = _waves(models, motion)
+    waves = waves_of([model], motion)
     durations = leg_durations(path, motion.duration)
     legs, begin = [], 0.0
     laws = start.known.laws(motion.duration)
@@ -257,11 +249,11 @@ def guess_of(
     return tuple(legs)
 
 
-def _waves(models: Sequence[Model], motion: PlannedMotion) -> Callable[[Array], Array]:
+def waves_of(models: Sequence[Model], motion: PlannedMotion) -> Callable[[Array], Array]:
     """Simulates a motion; returns a function of time with the first mode of each model."""
     turned = attitudes(motion, None, len(motion.t))
     inputs = Inputs(motion.t, motion.acceleration, turned)
-    modal = np.hstack([simulate(model, inputs)[0].modal[:, 0] for model in models])
+    modal = np.hstack([first_mode(model, simulate(model, inputs)[0].modal) for model in models])
     return lambda t: _at(t, motion.t, modal)
 
 

@@ -218,7 +218,7 @@ def _from_segment(points: Array, starts: Array, stops: Array) -> Array:
 
 
 def _along(path: Path, laws: list[Law], durations: list[float]) -> PlannedMotion:
-    """Creates a motion along a path; the last leg rests until the next whole sample."""
+    """Creates a motion along a path; it ends at rest, lasting a whole number of samples."""
     total = sum(durations)
     return motion_along(path, laws, [*durations[:-1], durations[-1] + whole_rows(total) - total])
 

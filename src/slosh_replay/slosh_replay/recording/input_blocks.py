@@ -42,7 +42,7 @@ _FRAME = "header.frame_id"
 
 
 class InputBlocks:
-    """Reads the message blocks of an input.
+    """Reads the messages of an input from a bag, block by block.
 
     Args:
         reader: of the bag.
@@ -111,7 +111,7 @@ class InputBlocks:
         return poses.take(stamp_ns(message), (a.x, a.y, a.z))
 
     def _taken(self, message: Any) -> list[TimedPose]:
-        """Returns the poses that a message completes."""
+        """Returns the poses that a joint, transform or pose message completes."""
         if isinstance(self._poses, JointPoses):
             positions, velocities = message.position.tolist(), message.velocity.tolist()
             return self._poses.take(stamp_ns(message), message.name, positions, velocities)
@@ -212,7 +212,7 @@ def _transform(message: Any) -> Transform:
 
 
 def by_chunk(blocks: Iterable[MessageBlock]) -> Iterator[list[MessageBlock]]:
-    """Groups message blocks by chunk of the file."""
+    """Groups message blocks by the chunk of the bag file that contains them."""
     chunk: list[MessageBlock] = []
     for block in blocks:
         if chunk and block.buffer.base is not chunk[0].buffer.base:

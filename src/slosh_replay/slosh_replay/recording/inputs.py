@@ -87,12 +87,12 @@ def _modes(start: NodeStart) -> Modes:
 
 
 def fields(kind: str) -> tuple[str, ...]:
-    """Returns the message fields that `InputReader.samples` needs."""
+    """Returns the message fields of an input type that `InputReader.samples` needs."""
     return (*STAMP, _FRAME, *_FIELDS[_columns_of(kind)])
 
 
 def _columns_of(kind: str) -> str:
-    """Returns the kind of the columns of an input; joints and transforms have those of poses."""
+    """Returns the input type whose columns an input has; joints and transforms give poses."""
     return POSE if kind in POSES else kind
 
 
@@ -273,7 +273,7 @@ def _twist(stamp_ns: int, row: Sequence[float], frame: str) -> Twist:
 
 
 def _imu(row: Sequence[float]) -> tuple[Any, Any]:
-    """Returns specific force and angular velocity (or None) from values of an Imu message."""
+    """Returns specific force [m/s²] and angular velocity [rad/s] (or None) of Imu messages."""
     force, rate = tuple(row[:3]), tuple(row[3:6])
     if row[6] < 0.0:
         force = (math.nan,) * 3
@@ -284,7 +284,7 @@ def _imu(row: Sequence[float]) -> tuple[Any, Any]:
 def readings_of(
     kind: str, columns: Mapping[str, NDArray[Any]]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-    """Returns accelerations and angular velocities (N, 3) in the sensor's own axes.
+    """Returns accelerations [m/s²] and angular velocities [rad/s] (N, 3) in the sensor's axes.
 
     Args:
         kind: 'imu' or 'accel'.

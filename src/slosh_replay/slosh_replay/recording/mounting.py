@@ -152,7 +152,7 @@ def _said(reader: BagReader, sources: Sources, wanted: MountingWanted) -> InputS
 
 
 def _own_settings(reader: BagReader, sources: Sources) -> InputSettings:
-    """Returns the estimator's recorded settings if it used this sensor, else fixed transforms."""
+    """Returns a sensor's settings: the estimator's if it used it, else from fixed transforms."""
     started = first(sources.starts, "estimator")
     if started is not None and started.parameters.get("input") == sources.kind:
         return reading(reader, sources)

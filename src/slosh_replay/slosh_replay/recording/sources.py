@@ -20,6 +20,7 @@ TRAY = _TYPES[topics.TRAY_ESTIMATE]
 COMPARISON = _TYPES[topics.COMPARISON]
 CALM = _TYPES[topics.CALM]
 FUSED = _TYPES[topics.FUSED_ESTIMATE]
+WRENCH = _TYPES[topics.FORCE]
 _OWN = {settings.TOPIC: settings.MESSAGE_TYPE, "estimate": ESTIMATE, "comparison": COMPARISON}
 """Topics of an estimator or a monitor: where there is one, there is a cell."""
 

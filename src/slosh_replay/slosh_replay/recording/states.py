@@ -80,9 +80,11 @@ def _observer_state(message: Any) -> ObserverState:
         np.array(getattr(message, name), dtype=float)
         for name in ("model", "parameters", "covariance", "changes", "past")
     )
+    # Older versions knew no sensors beside the camera.
+    sensed_ns = int(getattr(message, "sensed_stamp", -1))
     return ObserverState(
         stamp_ns(message), int(message.first_stamp), corrected, judged,
         tuple(map(int, message.counts)), int(message.rejected_in_turn), message.anchored_at,
-        model, parameters, covariance, changes, past, int(message.sensed),
-        None if message.sensed_stamp < 0 else int(message.sensed_stamp),
+        model, parameters, covariance, changes, past, int(getattr(message, "sensed", 0)),
+        None if sensed_ns < 0 else sensed_ns,
     )  # fmt: skip

@@ -43,7 +43,7 @@ class Judgement(NamedTuple):
 
 
 class _Sums:
-    """Running sums over pairs of measured and estimated heights."""
+    """Running accuracy over pairs of measured and estimated heights, with and without spikes."""
 
     def __init__(self) -> None:
         self.clean, self.raw = RunningAccuracy(), RunningAccuracy()

@@ -50,7 +50,8 @@ class KnownState:
 
     Args:
         verifier: is told what cannot be compared; None: nothing is.
-        tray: the same for a tray's containers, of the first of which alone states are recorded.
+        trays: the same for what follows from the estimates of all containers of a tray, of the
+            first of which alone states are recorded.
         comparison: the same for the monitor's comparisons with these estimates.
         losses: receives the stamps after which the state is unknown [ns].
 
@@ -62,11 +63,11 @@ class KnownState:
         self,
         verifier: Verifier | None,
         losses: list[int] | None = None,
-        tray: Verifier | None = None,
+        trays: Sequence[Verifier] = (),
         comparison: Verifier | None = None,
     ) -> None:
         self._verifiers = [one for one in (verifier, comparison) if one is not None]
-        self._tray = tray
+        self._trays = tuple(trays)
         self._losses = losses
         self._states: list[RecordedState] = []
         self._known = True
@@ -145,9 +146,9 @@ class KnownState:
     def _lose(self, after_ns: int) -> None:
         for verifier in self._verifiers if self._known else ():
             verifier.lose(after_ns, AT_FIRST if after_ns == _LONG_AGO else LATER)
-        if self._tray is not None:
-            self._tray.lose(after_ns, OF_A_TRAY)
-            self._tray = None
+        for verifier in self._trays:
+            verifier.lose(after_ns, OF_A_TRAY)
+        self._trays = ()
         if self._losses is not None:
             self._losses.append(after_ns)
         self._known = False

@@ -65,14 +65,18 @@ class MonitorFeed:
     Args:
         settings: what the monitor watches.
         changes: what it watches for data with stamps after these [ns], in order.
+        monitor: that runs; None: a new one with these settings.
     """
 
     def __init__(
-        self, settings: MonitorSettings, changes: Sequence[tuple[int, MonitorSettings]] = ()
+        self,
+        settings: MonitorSettings,
+        changes: Sequence[tuple[int, MonitorSettings]] = (),
+        monitor: Monitor | None = None,
     ) -> None:
         self.settings = settings
         self.changes = tuple(changes)
-        self.monitor = Monitor(settings)
+        self.monitor = monitor or Monitor(settings)
         self._due = deque(changes)
         self._next_check = self._newest = -(2**62)
 
@@ -234,15 +238,15 @@ class ReplayedMonitor:
         self.feed = MonitorFeed(setting.limits, setting.limit_changes)
         if setting.tray is not None:
             self.feed.monitor.carry(setting.tray)
-        self._trays = setting.trays
+        self._trays, self._carried = setting.trays, 0
         self.events: list[Event] = []
         self._outputs = setting.outputs
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
         """Processes estimates and measured heights; returns the comparisons."""
-        while self._trays:
-            last_ns, tray = self._trays.pop(0)
+        for last_ns, tray in self._trays[self._carried :]:
             self.feed.monitor.carry(tray, last_ns)
+        self._carried = len(self._trays)
         estimates = (
             _NOTHING if moment.estimates is None else monitored(moment.estimates, moment.own)
         )

@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from slosh_estimator.observer.calm import CALM_FIELDS, CalmReason
 from slosh_estimator.observer.states import TOLD_FIELDS
 from slosh_estimator.validity import EstimateFlag
-from slosh_msgs_py.topics import CALM, COMPARISON, ESTIMATE, FUSED_ESTIMATE, TRAY_ESTIMATE
+from slosh_msgs_py.topics import (
+    CALM,
+    COMPARISON,
+    ESTIMATE,
+    FORCE,
+    FUSED_ESTIMATE,
+    TRAY_ESTIMATE,
+)
 from slosh_replay.recording.sources import CALM as CALM_TYPE
 from slosh_replay.recording.sources import COMPARISON as COMPARISON_TYPE
 from slosh_replay.recording.sources import ESTIMATE as ESTIMATE_TYPE
 from slosh_replay.recording.sources import FUSED as FUSED_TYPE
-from slosh_replay.recording.sources import SURFACE
+from slosh_replay.recording.sources import SURFACE, WRENCH
 from slosh_replay.recording.sources import TRAY as TRAY_TYPE
 from slosh_replay.replay.monitor_feed import ReplayedMonitor
 from slosh_replay.replay.nodes import NodeTopic, ReplayedNode
 from slosh_replay.replay.replayed_estimator import SAMPLES, ReplayedEstimator
+from slosh_replay.replay.replayed_force import AXES, ReplayedForce
 from slosh_replay.replay.replayed_observer import DOORS, SURFACES, ReplayedObserver
 from slosh_replay.replay.verification import (
     COMPARED,
@@ -24,17 +34,25 @@ from slosh_replay.replay.verification import (
     Messages,
     estimate_fields,
     tray_fields,
+    with_an_image,
 )
 
 _UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED | EstimateFlag.INPUT_CONTRADICTED)
 
 
-def node_table(modes: int = 1, containers: int = 0) -> tuple[ReplayedNode, ...]:
+def node_table(
+    modes: int = 1,
+    containers: int = 0,
+    force_surface: str = "",
+    cameras: Sequence[ReplayedNode] = (),
+) -> tuple[ReplayedNode, ...]:
     """Returns the nodes; each one comes after those whose topics it reads.
 
     Args:
         modes: of the recorded estimates.
         containers: of a tray; 0: there is none.
+        force_surface: topic of heights that a sensor node made of a force; empty: there are none.
+        cameras: nodes of containers with cameras of their own.
     """
     estimate = ("samples_used", *estimate_fields(modes))
     # What a governor reads of it.
@@ -49,6 +67,7 @@ def node_table(modes: int = 1, containers: int = 0) -> tuple[ReplayedNode, ...]:
                 *([tray] if containers else []),
             ),
         ),
+        *([_force_node(force_surface)] if force_surface else []),
         ReplayedNode(
             "observer",
             ReplayedObserver,
@@ -57,7 +76,9 @@ def node_table(modes: int = 1, containers: int = 0) -> tuple[ReplayedNode, ...]:
                 *(NodeTopic(door, SURFACE, SURFACES) for door in DOORS),
             ),
             outputs=(
-                NodeTopic(FUSED_ESTIMATE, FUSED_TYPE, (*TOLD_FIELDS, *modal)),
+                NodeTopic(
+                    FUSED_ESTIMATE, FUSED_TYPE, (*TOLD_FIELDS, *modal), later={"sensed_taken": 0}
+                ),
                 NodeTopic(CALM, CALM_TYPE, CALM_FIELDS, known=_heard),
             ),
             needs_recorded=True,
@@ -71,13 +92,32 @@ def node_table(modes: int = 1, containers: int = 0) -> tuple[ReplayedNode, ...]:
                     COMPARISON_TYPE,
                     ("measured_stale", *COMPARED),
                     can_lack=ESTIMATED,
-                    known=_seen,
+                    known=with_an_image,
                 ),
             ),
             # A live monitor has deadlines.
             tolerance=None,
         ),
+        *cameras,
     )
+
+
+def _force_node(surface: str) -> ReplayedNode:
+    """Returns the sensor node, which publishes heights from a force on a topic."""
+    return ReplayedNode(
+        "sensor",
+        ReplayedForce,
+        inputs=(NodeTopic(SAMPLES, ""), NodeTopic(FORCE, WRENCH, AXES)),
+        outputs=(NodeTopic(surface, SURFACE, SURFACES, known=_waves),),
+        # What came before the recording is in the sensor's zero.
+        tolerance=None,
+        needs_recorded=True,
+    )
+
+
+def _waves(surfaces: Messages) -> Messages:
+    """Removes heights of level sensors, which tell no maximum."""
+    return surfaces.rows(np.isfinite(surfaces.columns["msh"]))
 
 
 def _alone(estimates: Messages) -> Messages:
@@ -87,10 +127,5 @@ def _alone(estimates: Messages) -> Messages:
 
 
 def _heard(calm: Messages) -> Messages:
-    """Removes messages that a node published by its own clock about a silent input."""
+    """Removes Calm messages that report a silent input, since they depend on the live clock."""
     return calm.rows(calm.columns["reason"] != CalmReason.STALE)
-
-
-def _seen(comparisons: Messages) -> Messages:
-    """Removes comparisons without a camera measurement, which depend on the live clock."""
-    return comparisons.rows(~comparisons.columns["measured_stale"].astype(bool))

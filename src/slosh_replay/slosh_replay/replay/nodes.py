@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -125,6 +126,7 @@ class NodeTopic(NamedTuple):
         fields: dotted names of those that are read or compared, beside the stamp.
         can_lack: see Verifier.
         known: what recorded messages tell that a replay can know; None: all.
+        later: fields that messages of older versions lack, with the value that they stand for.
     """
 
     name: str
@@ -132,6 +134,7 @@ class NodeTopic(NamedTuple):
     fields: tuple[str, ...] = ()
     can_lack: tuple[str, ...] = ()
     known: Callable[[Messages], Messages] | None = None
+    later: Mapping[str, int] = MappingProxyType({})
 
 
 def recorded_name(name: str) -> str:

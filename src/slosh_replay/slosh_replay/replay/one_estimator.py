@@ -53,7 +53,7 @@ class _Estimator(NamedTuple):
 
 
 class OneEstimator:
-    """Follows one estimator, but not its later restarts.
+    """Selects the estimates of one estimator among those of several, until it restarts.
 
     Args:
         number: which, from 1, in the order of their first estimates.

@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_bag.columns.cdr_columns import ColumnReader
+from slosh_bag.columns.cdr_columns import ColumnReader, Columns
 from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader
 from slosh_bag.recorder import SEVERAL
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
@@ -24,7 +25,13 @@ from slosh_estimator.validity import attitude_warning
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.tilt import attitude_of, ignored_text
-from slosh_msgs_py.topics import CALM, COMPARISON, ESTIMATE, FUSED_ESTIMATE, TRAY_ESTIMATE
+from slosh_msgs_py.topics import (
+    CALM,
+    COMPARISON,
+    ESTIMATE,
+    FUSED_ESTIMATE,
+    TRAY_ESTIMATE,
+)
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording import settings
 from slosh_replay.recording.facts import (
@@ -43,12 +50,14 @@ from slosh_replay.recording.settings import NodeStart
 from slosh_replay.recording.sources import Sources, find_sources
 from slosh_replay.recording.states import observer_states_of, states_of
 from slosh_replay.replay.conclusion import Origin, conclude
+from slosh_replay.replay.container_feed import container_nodes
 from slosh_replay.replay.input_matching import InputMatcher
 from slosh_replay.replay.known_state import KnownState
 from slosh_replay.replay.node_table import node_table
 from slosh_replay.replay.nodes import NodeTopic, Outputs, ReplayedNode, Setting
 from slosh_replay.replay.one_estimator import OneEstimator
 from slosh_replay.replay.replay_table import replay_table
+from slosh_replay.replay.replayed_force import force_surface_topic
 from slosh_replay.replay.result import ReplayResult
 from slosh_replay.replay.series import Series
 from slosh_replay.replay.stream import ReplayStream
@@ -115,7 +124,10 @@ def replay_bag(
         return _replay_table_bag(path, reader, sources, used, watched, outputs)
     tray = settings.tray_of(started) if started and model is None else None
     count = len(tray.containers) if tray else 0
-    nodes = _running(sources, (*node_table(len(used.mode_constants()), count), *further))
+    cameras = container_nodes(sources.starts, tray.names) if tray else ()
+    force_surface = force_surface_topic(sources.starts)
+    table = node_table(len(used.mode_constants()), count, force_surface, cameras)
+    nodes = _running(sources, (*table, *further))
     heard = _heard(sources, nodes)
     verifiers = _verifiers(heard, nodes, camera=watched.camera)
     matcher = None
@@ -151,14 +163,20 @@ def replay_bag(
         stream = ReplayStream(
             str(path), nodes, setting, series, verifiers=verifiers, unrelated=unrelated
         )
-        for chunk in feed(reader, sources, heard, blocks):
+        lacking: set[str] = set()
+        for chunk in feed(reader, sources, heard, blocks, lacking):
             for batch in chunk:
                 _hand_over(batch, sources, heard, stream, one)
             stream.advance()
         blocks.check()
         stream.advance(final=True)
         result = conclude(path.name, sources.input, stream, _origin(started, recorded, used))
-    said = [*_unfelt(path, sources, used, how), *input_reader.ignored_tilt(used), blocks.trouble()]
+    said = [
+        *_unfelt(path, sources, used, how),
+        *input_reader.ignored_tilt(used),
+        blocks.trouble(),
+        *sorted(lacking),
+    ]
     if several > 1:
         said.append(
             f"of {several} estimators on {sources.estimate} the replayed one is {estimator}"
@@ -169,9 +187,13 @@ def replay_bag(
 
 def _known_state(verifiers: Mapping[str, Verifier], losses: list[int]) -> KnownState:
     """Creates the object that tracks for which inputs the liquid's state is known."""
-    names = ESTIMATE, TRAY_ESTIMATE, COMPARISON
-    estimate, tray, comparison = (verifiers.get(name) for name in names)
-    return KnownState(estimate, losses, tray, comparison)
+    estimate, comparison = (verifiers.get(name) for name in (ESTIMATE, COMPARISON))
+    of_trays = [
+        verifier
+        for name, verifier in verifiers.items()
+        if name == TRAY_ESTIMATE or name.startswith(f"{COMPARISON}_")
+    ]
+    return KnownState(estimate, losses, of_trays, comparison)
 
 
 def _unfelt(path: Path, sources: Sources, model: Model, how: InputSettings) -> list[str]:
@@ -285,7 +307,11 @@ class TopicBatch(NamedTuple):
 
 
 def feed(
-    reader: BagReader, sources: Sources, heard: Mapping[str, NodeTopic], inputs_of: InputBlocks
+    reader: BagReader,
+    sources: Sources,
+    heard: Mapping[str, NodeTopic],
+    inputs_of: InputBlocks,
+    lacking: set[str],
 ) -> Iterator[list[TopicBatch]]:
     """Yields the messages for a replay, chunk by chunk in recorded order.
 
@@ -294,6 +320,7 @@ def feed(
         sources: what to read.
         heard: further topics that nodes read or give, by their full names.
         inputs_of: reads the input.
+        lacking: is told, one line each, which fields an older version did not record.
     """
     wanted = {full: (*STAMP, *topic.fields) for full, topic in heard.items()}
     if sources.surface is not None:
@@ -316,7 +343,9 @@ def feed(
             )
             if block.topic in stateful
             else TopicBatch(
-                block.topic, read.columns(block, wanted[block.topic]), int(block.log_ns[-1])
+                block.topic,
+                _columns(read, block, wanted[block.topic], heard.get(block.topic), lacking),
+                int(block.log_ns[-1]),
             )
             for block in blocks
             if block.topic not in inputs_of.topics
@@ -325,6 +354,29 @@ def feed(
             last_ns = max(int(block.log_ns[-1]) for block in own)
             batches.insert(0, TopicBatch(sources.input, inputs_of.columns(own), last_ns))
         yield batches
+
+
+def _columns(
+    read: ColumnReader,
+    block: MessageBlock,
+    names: Sequence[str],
+    topic: NodeTopic | None,
+    lacking: set[str],
+) -> Columns:
+    """Returns the columns of a block; fields that an older version lacked have their value."""
+    later = {} if topic is None else topic.later
+    try:
+        return read.columns(block, names)
+    except SloshBagError:
+        if not later:
+            raise
+    found = dict(read.columns(block, [name for name in names if name not in later]))
+    for name, value in later.items():
+        found[name] = np.full(len(block), value)
+        lacking.add(
+            f"{block.topic}: its messages are of an older version without {name}, taken as {value}"
+        )
+    return found
 
 
 def _running(sources: Sources, nodes: Sequence[ReplayedNode]) -> tuple[ReplayedNode, ...]:

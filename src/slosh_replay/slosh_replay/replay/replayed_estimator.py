@@ -9,13 +9,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_base.types import Integers
+from slosh_base.types import Array, Integers
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.held_container import changed_place, empty_and_fresh
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sample import Samples
 from slosh_estimator.sampling import modes_of
-from slosh_estimator.tray_estimator import TrayEstimator
+from slosh_estimator.tray_estimator import TrayEstimates, TrayEstimator
 from slosh_model.indices import POSE_COUNT
 from slosh_msgs_py.topics import ESTIMATE, TRAY_ESTIMATE
 from slosh_replay.recording.inputs import settings_of_start
@@ -40,6 +40,11 @@ from slosh_replay.replay.verification import (
 
 SAMPLES: Final = "samples"
 """What the estimator's models are driven by, for nodes that run models of their own."""
+TRAY_HEIGHTS: Final = "heights on the tray"
+"""What is estimated of each container of a tray, for nodes that compare it with a camera."""
+TRAY_HEIGHT_FIELDS: Final = (
+    "msh", "azimuth", "flags", "linear_msh", "linear_reading", "reading", "delay"
+)  # fmt: skip
 _AXES = ("ax", "ay", "az")
 
 
@@ -68,6 +73,7 @@ class ReplayedEstimator:
         self._heights: list[ModelHeights] = []
         self._given: list[Messages] = []
         self._trays: list[Messages] = []
+        self._tray_heights: list[Messages] = []
         started = first(setting.starts, "estimator")
         if started is not None and empty_and_fresh(started.parameters)[0]:
             self.models.empty()
@@ -100,7 +106,10 @@ class ReplayedEstimator:
         given, self._given = joined_messages(self._given), []
         samples, self._samples = joined_messages(self._samples), []
         trays, self._trays = joined_messages(self._trays), []
-        found = {ESTIMATE: given, SAMPLES: samples, TRAY_ESTIMATE: trays}
+        tray_heights, self._tray_heights = joined_messages(self._tray_heights), []
+        found = {
+            ESTIMATE: given, SAMPLES: samples, TRAY_ESTIMATE: trays, TRAY_HEIGHTS: tray_heights
+        }  # fmt: skip
         return {name: messages for name, messages in found.items() if len(messages.stamps)}
 
     def take_heights(self) -> list[ModelHeights]:
@@ -197,7 +206,7 @@ class ReplayedEstimator:
         self.setting.outputs.begin(self.models.own_names, self.models.model.container.wall)
 
     def _carry(self, change: NodeStart) -> int:
-        """Takes the tray of a start; returns the index of the one changed place, or -1 for all."""
+        """Applies a recorded start's tray; returns the index of a changed place, -1 for all."""
         tray = tray_of(change) if self._tray is not None else None
         if tray is None or self._tray is None or tray.names != self._tray.names:
             return -1
@@ -244,6 +253,7 @@ class ReplayedEstimator:
         if self._others is not None:
             tray = self._others.update_many(samples, own)
             self._trays.append(Messages(own.stamps, tray_columns(tray)))
+            self._tray_heights.append(Messages(own.stamps, _tray_heights(tray, own.accelerations)))
             heights = heights._replace(tray=tray.msh)
         elif self.setting.tray is not None:
             unknown = np.full((len(own.stamps), len(self.setting.tray.containers)), np.nan)
@@ -276,3 +286,14 @@ def _columns(samples: Samples, flags: Integers, start: int) -> Messages:
             "start": np.full(count, start),
         },
     )  # fmt: skip
+
+
+def _tray_heights(tray: TrayEstimates, accelerations: Array) -> Columns:
+    """Returns the fields of TrayEstimate.msg that a monitor of one container needs, (N,) each."""
+    parts = (
+        tray.msh, tray.azimuth, tray.flags, tray.linear_msh, tray.readings[..., 0],
+        tray.readings[..., 1], tray.delays,
+    )  # fmt: skip
+    pairs = zip(TRAY_HEIGHT_FIELDS, parts, strict=True)
+    columns = {f"{name}[{k}]": column for name, part in pairs for k, column in enumerate(part.T)}
+    return {**columns, **{f"acceleration[{axis}]": accelerations[:, axis] for axis in range(3)}}

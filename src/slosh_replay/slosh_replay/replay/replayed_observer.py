@@ -68,7 +68,9 @@ class ReplayedObserver:
             counts = zip((taken - sensed).tolist(), sensed.tolist(), strict=True)
             self._states.extend(zip(recorded.stamps.tolist(), counts, strict=True))
         for door, waiting in zip(DOORS, self._surfaces, strict=True):
-            waiting.extend(_heights(moment.messages[door]))
+            # Of a replayed sensor, too, what was recorded is what the live node heard.
+            heard = moment.messages.get(recorded_name(door))
+            waiting.extend(_heights(moment.messages[door] if heard is None else heard))
         batch = moment.messages[SAMPLES]
         if not len(batch.stamps):
             return {}
@@ -129,7 +131,7 @@ class ReplayedObserver:
                 self._setting.calm.find(state.stamp_ns)
 
     def _lose(self, after_ns: int, why: str) -> None:
-        """Marks messages after a stamp as not comparable."""
+        """Marks fused states and calmness after a stamp as not comparable."""
         if self._setting.fused is not None:
             self._setting.fused.lose(after_ns, why)
         if self._setting.calm is not None and not self._calm_lost:

@@ -133,7 +133,7 @@ def _meanings(model: Model) -> dict[str, str]:
 
 
 def report_start(result: ReplayResult) -> int:
-    """Returns the stamp of the page's time zero, on the clock of the measurement [ns]."""
+    """Returns the stamp of time zero on the report's page, on the measurement's clock [ns]."""
     stamps = result.stamps[_shown(result)]
     if len(stamps):
         return int(stamps[0])
@@ -141,7 +141,7 @@ def report_start(result: ReplayResult) -> int:
 
 
 def shown_models(result: ReplayResult) -> tuple[str, str]:
-    """Returns the names of the linear and the nonlinear model that the page shows.
+    """Returns the names of the linear and the nonlinear model that a replay's page shows.
 
     The same name twice where its container has a linear model alone.
     """

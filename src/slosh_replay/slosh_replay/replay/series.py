@@ -112,7 +112,7 @@ def chosen(table: Table, rows: NDArray[Any]) -> Table:
 
 
 def joined(tables: Sequence[Table]) -> Table:
-    """Concatenates tables; a column may be None in all of them."""
+    """Concatenates tables column by column; a column is None in all of them or in none."""
     make: Any = type(tables[0])
     found: Table = make(
         *(

@@ -285,7 +285,7 @@ class ReplayStream:
         self._heights = chosen(estimates, kept)
 
     def _moments(self, until: int) -> Measurements:
-        """Returns stamps at which estimates are drawn if there is no camera."""
+        """Returns the stamps at which estimates are plotted if the recording has no camera."""
         if self._heights is None:
             return NO_MEASUREMENTS
         stamps = self._heights.stamps

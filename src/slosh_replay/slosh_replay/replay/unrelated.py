@@ -120,7 +120,7 @@ def align(name: str, estimates: ModelHeights, measured: Measurements) -> Alignme
 
 
 def _raised(estimates: ModelHeights) -> Array:
-    """Returns expected measurements [m] relative to their value at rest, one column per model.
+    """Returns modelled measurements [m] relative to their value at rest, one column per model.
 
     A delay is part of the clocks' offset, an offset of the heights part of the still level.
     """

@@ -340,7 +340,8 @@ def tray_columns(tray: TrayEstimates) -> Columns:
 def tray_fields(count: int) -> tuple[str, ...]:
     """Returns the column names of tray estimates for a number of containers."""
     none, whole = np.empty((0, count)), np.empty((0, count), dtype=np.int64)
-    return tuple(tray_columns(TrayEstimates(none, none, whole, np.empty(0, dtype=np.int64))))
+    worst, readings = np.empty(0, dtype=np.int64), np.empty((0, count, 2))
+    return tuple(tray_columns(TrayEstimates(none, none, whole, worst, none, readings, whole)))
 
 
 def comparison_columns(comparisons: Sequence[Comparison]) -> Messages:
@@ -352,6 +353,11 @@ def comparison_columns(comparisons: Sequence[Comparison]) -> Messages:
         for name in COMPARED
     }
     return Messages(stamps, columns)
+
+
+def with_an_image(comparisons: Messages) -> Messages:
+    """Removes comparisons without a camera measurement, which depend on the live clock."""
+    return comparisons.rows(~comparisons.columns["measured_stale"].astype(bool))
 
 
 def _column(topic: str, columns: Columns, field: str) -> NDArray[Any]:

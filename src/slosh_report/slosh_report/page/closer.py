@@ -44,7 +44,7 @@ class Row:
 
 
 def closer_scripts() -> list[Script]:
-    """Returns the JavaScript of interactive charts: uPlot and the page's own script."""
+    """Returns the JavaScript of a report's interactive charts: uPlot and our own script."""
     return [
         script("slosh_report", "uplot/uPlot.iife.min.js"),
         script("slosh_report.page", "closer.js"),
@@ -52,13 +52,13 @@ def closer_scripts() -> list[Script]:
 
 
 def axis(ends: tuple[float, float], size: tuple[float, float]) -> str:
-    """Formats the time axis of a chart as text for the page's script."""
+    """Formats the time axis of an interactive chart as text for the report page's script."""
     left, right = MARGINS[0] / size[0], 1.0 - MARGINS[1] / size[0]
     return f"{left:.6f} {right:.6f} {ends[0]!r} {ends[1]!r}"
 
 
 def series_element(t: Array, charts: Mapping[str, Sequence[Row]], limit: float | None) -> Markup:
-    """Embeds the data of interactive charts in the page, in s and mm.
+    """Embeds the data of interactive charts in a report page, in s and mm.
 
     Args:
         t: (N,) [s], not decreasing.

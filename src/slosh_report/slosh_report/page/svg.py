@@ -1,4 +1,4 @@
-"""Draws figures as SVG in the page's colours, for light and dark mode.
+"""Draws figures as SVG in the report page's colours, for light and dark mode.
 
 Whatever draws on a page loads matplotlib, the slowest of all imports, only then: a command that
 ends at a mistake in its input has not waited for it.
@@ -90,7 +90,7 @@ def canvas(size: tuple[float, float]) -> Figure:
 
 
 def svg_text(figure: Figure, name: str) -> str:
-    """Returns a figure as an <svg> element in the page's colours.
+    """Returns a figure as an <svg> element in the colours of the report page.
 
     Args:
         figure: drawn with COLOURS' stand-ins.

@@ -121,7 +121,7 @@ class VerificationRow:
 
 @dataclass(frozen=True, slots=True)
 class KeyFigure:
-    """A main result, shown at the top of the page.
+    """A main result, shown at the top of the report page.
 
     Attributes:
         label: what it is.

@@ -100,11 +100,10 @@ class Heights {
   draw() { this.plot.setData(this.rows); }
 }
 
-// The container's contour, +x to the right, and the level of each side as a line across it.
-function drawSide(canvas, container, surface, limit) {
+// The container's contour, +x to the right (share: cosine) or +y (sine), and the level of each side as a line across it.
+function drawSide(canvas, outline, share, surface, limit) {
   const wide = canvas.clientWidth || 300;
   const dense = devicePixelRatio || 1;
-  const outline = container.outline;
   const reach = Math.max(...outline.map(([r]) => r));
   const [low, high] = [Math.min(...outline.map(([, z]) => z)), Math.max(...outline.map(([, z]) => z))];
   const scale = 0.9 * Math.min(wide / (2 * reach), wide / (high - low));
@@ -135,7 +134,7 @@ function drawSide(canvas, container, surface, limit) {
   for (const name of ["estimated", "measured"]) {
     const [azimuth, height] = surface[name] || [null, null];
     if (azimuth === null || height === null) continue;
-    const right = height * Math.cos(azimuth);
+    const right = height * share(azimuth);
     level(-right, right, name, []);
   }
   context.restore();
@@ -146,8 +145,25 @@ function drawSide(canvas, container, surface, limit) {
   context.stroke();
 }
 
-// The wall as a circle, +x to the right and counter-clockwise as in the container's frame; outwards is higher.
-function drawAbove(canvas, surface, limit) {
+// Distance of the wall from the centre by azimuth, 1 where it is largest; plan: corners [x, y], none: a circle.
+function wallDistance(plan) {
+  if (!plan || !plan.length) return () => 1;
+  const most = Math.max(...plan.map(([x, y]) => Math.hypot(x, y)));
+  return (azimuth) => {
+    const [c, s] = [Math.cos(azimuth), Math.sin(azimuth)];
+    let far = 0;
+    plan.forEach(([x, y], k) => {
+      const [u, v] = plan[(k + 1) % plan.length];
+      const across = c * (v - y) - s * (u - x);
+      const share = across ? (s * x - c * y) / across : -1;
+      if (share >= 0 && share <= 1) far = Math.max(far, (x * (v - y) - y * (u - x)) / across);
+    });
+    return far / most;
+  };
+}
+
+// The wall from above, +x to the right and counter-clockwise as in the container's frame; outwards is higher.
+function drawAbove(canvas, surface, limit, plan) {
   const size = canvas.clientWidth || 300;
   const dense = devicePixelRatio || 1;
   canvas.width = canvas.height = Math.round(size * dense);
@@ -155,20 +171,22 @@ function drawAbove(canvas, surface, limit) {
   context.scale(dense, dense);
   const middle = size / 2, still = 0.27 * size;
   const scale = 0.15 * size / (limit ? limit.height : 0.02);
+  const wall = wallDistance(plan);
   const place = (azimuth, height) => {
-    const radius = Math.max(still + scale * height, 2);
+    const radius = Math.max(still * wall(azimuth) + scale * height, 2);
     return [middle + radius * Math.cos(azimuth), middle - radius * Math.sin(azimuth)];
   };
-  const ring = (radius, name, dashes) => {
+  const ring = (height, name, dashes) => {
     context.setLineDash(dashes);
     context.strokeStyle = colour(name);
     context.beginPath();
-    context.arc(middle, middle, radius, 0, 2 * Math.PI);
+    for (let k = 0; k < 360; k += 1) context.lineTo(...place((k * Math.PI) / 180, height));
+    context.closePath();
     context.stroke();
   };
   context.lineWidth = 1.5;
-  ring(still, "soft", []);
-  if (limit) ring(still + scale * limit.height, "limit", [6, 5]);
+  ring(0, "soft", []);
+  if (limit) ring(limit.height, "limit", [6, 5]);
   context.setLineDash([]);
   context.fillStyle = colour("soft");
   context.font = "12px system-ui, sans-serif";

@@ -117,10 +117,12 @@ function show(frame) {
   showNow(frame.now);
   const container = state.container && state.container.outline ? state.container : null;
   part("side-part").hidden = !container;
-  if (container) drawSide(part("side"), container, frame.surface, state.limits.measured);
+  if (container) drawSide(part("side"), container.outline, Math.cos, frame.surface, state.limits.measured);
+  part("end-part").hidden = !(container && container.across);
+  if (container && container.across) drawSide(part("end"), container.across, Math.sin, frame.surface, state.limits.measured);
   showCalm(frame.calm || {});
   showGovernor(frame.governor || {});
-  drawAbove(part("above"), frame.surface, state.limits.measured);
+  drawAbove(part("above"), frame.surface, state.limits.measured, container && container.plan);
   heights.draw();
 }
 

@@ -25,7 +25,8 @@ from slosh_model.errors import SloshModelError
 from slosh_model.layout import records
 from slosh_model.measure import measured_heights, reading_clock, with_moments
 from slosh_model.model import Model
-from slosh_model.simulate import Inputs, Response, Simulator
+from slosh_model.response import Response
+from slosh_model.simulate import Inputs, Simulator
 
 GRID = 0.005
 """Longest time between the samples at which the terms are evaluated [s]."""

@@ -1,0 +1,96 @@
+"""`slosh store`: shows which bags of a cell's runs are kept, and deletes old ones on request."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.store.retention import BagKind, Retention, StoredBag, Surplus, surplus
+from slosh_bag.store.stored_bags import delete, stored_bags
+from slosh_base.files.plain_text import plain_line
+from slosh_bringup.cli.quantities import SIZE
+from slosh_report.text_table import aligned
+
+EPILOG = """Only bags of runs are shown (RUNS/2026-11-22T10-15-00/bag), and never a running one is
+deleted; reports, logs and settings stay. While a cell runs, its recorder does the same by its
+parameters store_quota, store_days, store_event_days."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `slosh store` to the argument parser."""
+    parser.epilog = EPILOG
+    parser.add_argument(
+        "runs", nargs="?", type=Path, default=Path("out/cell"),
+        help="folder of a cell's runs (default %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--quota", type=SIZE, default=0.0, metavar="SIZE",
+        help="total size of the bags, such as 20GB: the oldest beyond it are too much, event "
+        "bags last",
+    )  # fmt: skip
+    parser.add_argument(
+        "--days", type=float, default=0.0, metavar="N", help="age of complete bags [day]"
+    )
+    parser.add_argument(
+        "--event-days", type=float, default=0.0, metavar="N", help="age of event bags [day]"
+    )
+    parser.add_argument("--delete", action="store_true", help="delete what is too old or too much")
+    parser.add_argument("--json", action="store_true", help="print the bags as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Prints the bags, and deletes the surplus if asked to."""
+    retention = Retention(round(arguments.quota), arguments.days, arguments.event_days)
+    now = time.time()
+    bags = stored_bags(arguments.runs, now)
+    found = surplus(bags, retention, now)
+    failures = []
+    if arguments.delete:
+        for bag in found.bags:
+            try:
+                delete(bag)
+            except SloshBagError as error:
+                failures.append(str(error))
+    show = as_json if arguments.json else as_text
+    print(show(bags, found, arguments.delete))
+    for line in failures:
+        print(plain_line(f"slosh store: {line}"), file=sys.stderr)
+    return int(bool(failures or found.excess))
+
+
+def as_text(bags: Sequence[StoredBag], found: Surplus, is_deleted: bool) -> str:
+    """Returns the table of the bags."""
+    fate = "deleted" if is_deleted else "would be deleted"
+    rows = [("written", "MB", "kind", "", "bag")]
+    for bag in bags:
+        when = f"{datetime.fromtimestamp(bag.written):%Y-%m-%d %H:%M}"
+        done = fate if bag in found.bags else ""
+        rows.append((when, f"{1e-6 * bag.size:.1f}", bag.kind.value, done, str(bag.folder)))
+    size, gone = (1e-6 * sum(bag.size for bag in part) for part in (bags, found.bags))
+    lines = aligned(rows, "<><<<")
+    lines.append(
+        f"{len(bags)} bags, {size:.1f} MB; {len(found.bags)} of them, {gone:.1f} MB, {fate}"
+    )
+    if found.excess:
+        lines.append(f"the running recording exceeds the quota by {1e-6 * found.excess:.1f} MB")
+    return "\n".join(lines)
+
+
+def as_json(bags: Sequence[StoredBag], found: Surplus, is_deleted: bool) -> str:
+    """Returns the bags as JSON; times in seconds since 1970, sizes in bytes."""
+    rows = [
+        {
+            "folder": str(bag.folder), "written": bag.written, "size": bag.size,
+            "kind": bag.kind.value, "surplus": bag in found.bags,
+        }
+        for bag in bags
+    ]  # fmt: skip
+    running = sum(bag.kind is BagKind.RUNNING for bag in bags)
+    told = {"bags": rows, "running": running, "deleted": is_deleted, "excess": found.excess}
+    return json.dumps(told, indent=1)

@@ -1,0 +1,69 @@
+"""Numbers of the modes of an outline, for any depth."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from slosh_base.types import Array
+from slosh_model.potential_flow.finite_elements import library
+
+SQUARE, NORM, OFFSET, HEIGHT, ALONG, AROUND = range(6)
+"""Of a mode: k², ∫F² and ∫xF over what is computed, F where heights are given, ∮F_s², ∮F²."""
+OFFSET_Y = 6
+"""And ∫yF, of an outline without symmetry."""
+DRIVEN = 1e-6
+"""Share of a mode in a straight surface below which no acceleration drives it."""
+MOST_SEARCHED = 200
+_SAME = 2e-3
+"""Relative difference of k² below which two modes count as of one frequency."""
+
+
+class PlaneModes(NamedTuple):
+    """The sloshing modes along one axis of an outline, for any depth, in scaled lengths.
+
+    Attributes:
+        axis: 0 along x, 1 along y.
+        scale: the unit of length [m].
+        rows: a row of numbers for each mode.
+        area: of the outline.
+        reaches: where heights are given, from the centre along each mode's direction.
+        crests: the largest height of each over that at the wall.
+        turns: azimuth of each mode's motion, from the axis [rad].
+    """
+
+    axis: int
+    scale: float
+    rows: Array
+    area: float
+    reaches: list[float]
+    crests: list[float]
+    turns: list[float]
+
+
+def plane_matrices(inside: Any) -> tuple[Any, Any]:
+    """Returns the matrices of ∫∇u·∇v and ∫uv."""
+    fem = library()
+    stiffness = fem.BilinearForm(lambda u, v, w: u.grad[0] * v.grad[0] + u.grad[1] * v.grad[1])
+    mass = fem.BilinearForm(lambda u, v, w: u * v)
+    return stiffness.assemble(inside), mass.assemble(inside)
+
+
+def area_of(inside: Any) -> float:
+    """Returns the area of what a basis covers."""
+    return float(library().Functional(lambda w: 1.0 + 0.0 * w.x[0]).assemble(inside))
+
+
+def along_wall(wall: Any, f: Array) -> tuple[float, float]:
+    """Returns the integrals of F_s² and F² along the wall."""
+    fem, known = library(), wall.interpolate(f)
+    around = fem.Functional(lambda w: w["f"] ** 2)
+    slope = fem.Functional(lambda w: (w.n[0] * w["f"].grad[1] - w.n[1] * w["f"].grad[0]) ** 2)
+    return float(slope.assemble(wall, f=known)), float(around.assemble(wall, f=known))
+
+
+def of_one_frequency(values: Array) -> list[Array]:
+    """Returns the indices of eigenvalues in groups of almost equal ones."""
+    steps = np.diff(values) > _SAME * np.maximum(values[1:], 1e-3)
+    return np.split(np.arange(len(values)), np.flatnonzero(steps) + 1)

@@ -1,0 +1,1 @@
+"""State of a cell for controllers outside ROS: OPC UA, MQTT and Modbus TCP."""

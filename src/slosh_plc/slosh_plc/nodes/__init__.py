@@ -1,0 +1,1 @@
+"""The ROS node that serves a cell's state to controllers."""

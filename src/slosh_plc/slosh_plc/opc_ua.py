@@ -1,0 +1,268 @@
+"""Serves a cell's state over OPC UA: one object per cell, its values with units and status.
+
+Nothing can be written, by nobody: variables are read-only, and no user is an administrator.
+Without a certificate the server has no security and listens on this machine only. With one it
+takes encrypted connections alone, and only those of the trusted clients where any are named.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any, Final
+
+from slosh_plc.cell_state import SIGNALS, CellState, Kind, Quality, Reading, Signal
+from slosh_plc.certificates import ServerCertificate, fingerprint
+from slosh_plc.errors import SloshPlcError
+from slosh_plc.server import LOOPBACK, ServerHealth, State, check_port, missing, quiet
+
+NAMESPACE: Final = "urn:slosh:cell"
+"""Namespace of the information model."""
+TYPE: Final = "SloshCellType"
+UNECE: Final = "http://www.opcfoundation.org/UA/units/un/cefact"
+UNITS: Final = {"m": ("MTR", "metre"), "s": ("SEC", "second")}
+"""Common code of the UN/CEFACT recommendation 20 and name, by unit."""
+PATH: Final = "slosh"
+"""Path of the endpoint."""
+
+
+def node_name(cell: str, signal: str) -> str:
+    """Returns the string identifier of a value's node, the same in each start of the server."""
+    return f"{cell}.{signal}"
+
+
+def unit_number(code: str) -> int:
+    """Returns the number of a unit in OPC UA by its common code (OPC 10000-8, 5.6.3)."""
+    return int.from_bytes(code.encode("ascii"), "big")
+
+
+@dataclass(frozen=True, slots=True)
+class OpcUaSettings:
+    """Settings of an OPC UA server.
+
+    Attributes:
+        cell: name of the cell's object, its namespace without the first slash.
+        host, port: address on which the server listens.
+        certificate: the server's; None: no security.
+        trusted: SHA-256 fingerprints of the clients' certificates that are let in; empty: all.
+
+    Raises:
+        SloshPlcError: without a certificate it would be open to other machines.
+    """
+
+    cell: str
+    host: str
+    port: int
+    certificate: ServerCertificate | None = None
+    trusted: frozenset[bytes] = field(default_factory=frozenset)
+
+    def __post_init__(self) -> None:
+        if self.certificate is None and self.host not in LOOPBACK:
+            raise SloshPlcError(
+                f"host = {self.host}: OPC UA for other machines needs certificate and private_key"
+            )
+        if self.certificate is None and self.trusted:
+            raise SloshPlcError("trusted_clients: needs certificate and private_key")
+
+    @property
+    def url(self) -> str:
+        """Address that clients connect to."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"opc.tcp://{host}:{self.port}/{PATH}"
+
+
+class OpcUaServer:
+    """OPC UA server of a cell's state."""
+
+    def __init__(self, settings: OpcUaSettings) -> None:
+        self._settings = settings
+        self._server: Any = None
+        self._nodes: dict[str, Any] = {}
+        self._clients = 0
+
+    async def start(self, state: State) -> None:
+        """Makes the address space and begins to listen.
+
+        Raises:
+            SloshPlcError: the port is taken, or asyncua is not installed.
+        """
+        try:
+            from asyncua import Server
+        except ModuleNotFoundError:
+            raise missing("asyncua") from None
+        quiet("asyncua")
+        check_port("opc_ua_port", self._settings.host, self._settings.port)
+        server = Server(user_manager=_Readers())
+        server.name = server.manufacturer_name = "slosh"
+        server.set_endpoint(self._settings.url)
+        await server.init()
+        await _secure(server, self._settings)
+        self._nodes = await _make_model(server, self._settings.cell)
+        self._server = server
+        await self.update(state())
+        try:
+            await server.start()
+        except OSError as error:
+            raise SloshPlcError(f"opc_ua_port = {self._settings.port}: {error}") from None
+
+    async def update(self, state: CellState) -> None:
+        """Writes all values with their status codes."""
+        now = datetime.now(UTC)
+        readings = state.readings()
+        for signal in SIGNALS:
+            value = _data_value(signal, readings[signal.name], state.is_lost, now)
+            await self._server.write_attribute_value(self._nodes[signal.name].nodeid, value)
+        self._clients = len(self._server.bserver.clients) if self._server.bserver else 0
+
+    async def stop(self) -> None:
+        """Closes all connections and the port."""
+        await self._server.stop()
+
+    def health(self) -> ServerHealth:
+        """Returns the address, the number of clients, and a complaint about the certificate."""
+        own = self._settings.certificate
+        complaint = own.complaint(datetime.now(UTC)) if own else ""
+        sentence = f"OPC UA on {self._settings.url}, {self._clients} clients"
+        return ServerHealth(not complaint, f"{sentence}; {complaint}" if complaint else sentence)
+
+
+class _Readers:
+    """Lets every client that the security policy lets in read; none is an administrator."""
+
+    def get_user(self, *_: Any, **__: Any) -> Any:
+        from asyncua.crypto.permission_rules import User, UserRole
+
+        return User(role=UserRole.User)
+
+
+async def _secure(server: Any, settings: OpcUaSettings) -> None:
+    """Sets the security of a server that does not listen yet."""
+    from asyncua import ua
+
+    own = settings.certificate
+    server.allow_remote_admin(False)
+    server.set_identity_tokens([ua.AnonymousIdentityToken])
+    if own is None:
+        server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
+        await server.set_application_uri(NAMESPACE)
+        return
+    server.set_security_policy(
+        [
+            ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt,
+            ua.SecurityPolicyType.Aes256Sha256RsaPss_SignAndEncrypt,
+        ]
+    )
+    await server.load_certificate(own.path)
+    await server.load_private_key(own.key)
+    await server.set_application_uri(own.uri)
+    server.set_certificate_validator(_validator(settings.trusted))
+
+
+def _validator(trusted: frozenset[bytes]) -> Any:
+    """Returns a function that refuses clients by their certificates."""
+    from asyncua import ua
+    from asyncua.common.utils import ServiceError
+    from asyncua.crypto.validator import CertificateValidator
+
+    basic = CertificateValidator()
+
+    async def validate(certificate: Any, application: Any) -> None:
+        await basic.validate(certificate, application)
+        if trusted and fingerprint(certificate) not in trusted:
+            raise ServiceError(ua.StatusCodes.BadCertificateUntrusted)
+
+    return validate
+
+
+async def _make_model(server: Any, cell: str) -> dict[str, Any]:
+    """Makes the object type and the cell's object; returns its variables by signal name."""
+    index = await server.register_namespace(NAMESPACE)
+    kind = await server.nodes.base_object_type.add_object_type(_identifier(index, TYPE), TYPE)
+    for signal in SIGNALS:
+        variable = await _add_variable(kind, index, node_name(TYPE, signal.name), signal)
+        await variable.set_modelling_rule(True)
+    made = await _add_object(server, index, cell, kind)
+    return {
+        signal.name: await _add_variable(made, index, node_name(cell, signal.name), signal)
+        for signal in SIGNALS
+    }
+
+
+async def _add_object(server: Any, index: int, name: str, kind: Any) -> Any:
+    """Adds an object of a type without the type's own values.
+
+    `add_object` would give those numbers as identifiers, other ones after each change of the
+    model.
+    """
+    from asyncua import ua
+
+    item = ua.AddNodesItem(
+        ParentNodeId=server.nodes.objects.nodeid,
+        ReferenceTypeId=ua.NodeId(ua.ObjectIds.Organizes),
+        RequestedNewNodeId=_identifier(index, name),
+        BrowseName=ua.QualifiedName(name, index),
+        NodeClass=ua.NodeClass.Object,
+        TypeDefinition=kind.nodeid,
+        NodeAttributes=ua.ObjectAttributes(DisplayName=ua.LocalizedText(name)),
+    )
+    (added,) = await server.iserver.isession.add_nodes([item])
+    added.StatusCode.check()
+    return server.get_node(added.AddedNodeId)
+
+
+def _identifier(index: int, name: str) -> Any:
+    from asyncua import ua
+
+    return ua.NodeId(name, index)
+
+
+async def _add_variable(parent: Any, index: int, name: str, signal: Signal) -> Any:
+    """Adds a read-only variable with its description, and its unit or choices."""
+    from asyncua import ua
+
+    lost = _data_value(signal, Reading(signal.lost, Quality.BAD), True, datetime.now(UTC)).Value
+    variable = await parent.add_variable(
+        _identifier(index, name),
+        f"{index}:{signal.name}",
+        lost.Value,
+        lost.VariantType,
+    )
+    about = ua.DataValue(ua.Variant(ua.LocalizedText(signal.meaning)))
+    await variable.write_attribute(ua.AttributeIds.Description, about)
+    if signal.unit in UNITS:
+        code, title = UNITS[signal.unit]
+        unit = ua.EUInformation(
+            UNECE, unit_number(code), ua.LocalizedText(signal.unit), ua.LocalizedText(title)
+        )
+        await variable.add_property(
+            _identifier(index, f"{name}.EngineeringUnits"), "0:EngineeringUnits", unit
+        )
+    if signal.choices:
+        texts = [ua.LocalizedText(text) for text in signal.choices]
+        await variable.add_property(
+            _identifier(index, f"{name}.EnumStrings"), "0:EnumStrings", texts
+        )
+    return variable
+
+
+def _data_value(signal: Signal, reading: Reading, is_lost: bool, now: datetime) -> Any:
+    """Returns a value as OPC UA has it: its type, status code and time."""
+    from asyncua import ua
+
+    types = {
+        Kind.FLAG: (ua.VariantType.Boolean, bool),
+        Kind.COUNT: (ua.VariantType.UInt32, int),
+        Kind.CHOICE: (ua.VariantType.UInt32, int),
+        Kind.NUMBER: (ua.VariantType.Double, float),
+    }
+    bad = ua.StatusCodes.BadNoCommunication if is_lost else ua.StatusCodes.Bad
+    status = {
+        Quality.GOOD: ua.StatusCodes.Good,
+        Quality.UNCERTAIN: ua.StatusCodes.Uncertain,
+        Quality.BAD: bad,
+    }[reading.quality]
+    variant, convert = types[signal.kind]
+    value = reading.value if signal.kind is Kind.NUMBER or reading.value == reading.value else 0
+    return ua.DataValue(
+        ua.Variant(convert(value), variant), ua.StatusCode(status), SourceTimestamp=now
+    )

@@ -1,0 +1,151 @@
+"""What all servers of a cell's state have in common, and the thread that runs them.
+
+The servers ask for the state themselves: a node whose own thread stands still cannot leave them
+with the last good one.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import socket
+import threading
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, Protocol
+
+from slosh_plc.cell_state import CellState
+from slosh_plc.errors import SloshPlcError
+from slosh_plc.tuning import TUNING
+
+State = Callable[[], CellState]
+"""Returns the cell's state of this moment."""
+LOOPBACK = ("127.0.0.1", "::1", "localhost")
+INSTALL = "pip install -r requirements/plc.txt"
+
+
+class ServerHealth(NamedTuple):
+    """Whether a server works, and a sentence about it."""
+
+    is_good: bool
+    sentence: str
+
+
+class Server(Protocol):
+    """A server of a cell's state; its coroutines run in one event loop."""
+
+    async def start(self, state: State) -> None:
+        """Begins to serve; raises SloshPlcError if it cannot."""
+
+    async def update(self, state: CellState) -> None:
+        """Takes a new state; called every TUNING.period."""
+
+    async def stop(self) -> None:
+        """Ends; what stays behind says that the cell is lost."""
+
+    def health(self) -> ServerHealth:
+        """Returns whether it works; called from any thread."""
+
+
+class ServerThread:
+    """Runs servers in the event loop of a thread of their own.
+
+    Args:
+        servers: that run.
+        state: returns the cell's state; called in that thread.
+    """
+
+    def __init__(self, servers: Sequence[Server], state: State) -> None:
+        self._servers, self._state = servers, state
+        self._loop = asyncio.new_event_loop()
+        self._task: asyncio.Task[None] | None = None
+        self._started = threading.Event()
+        self._failure: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, name="plc servers", daemon=True)
+
+    def start(self) -> None:
+        """Starts all servers and returns when they serve.
+
+        Raises:
+            SloshPlcError: one cannot: its port is taken, or a file does not fit.
+        """
+        self._thread.start()
+        if not self._started.wait(TUNING.starting):
+            raise SloshPlcError(f"the servers did not start within {TUNING.starting:.0f} s")
+        if self._failure is not None:
+            raise self._failure
+
+    def stop(self) -> None:
+        """Stops all servers and waits for their end."""
+        with contextlib.suppress(RuntimeError):  # the loop has ended already
+            self._loop.call_soon_threadsafe(lambda: self._task and self._task.cancel())
+        self._thread.join(TUNING.starting)
+
+    def health(self) -> list[ServerHealth]:
+        """Returns the health of each server."""
+        return [server.health() for server in self._servers]
+
+    @property
+    def failure(self) -> str:
+        """Why the thread has ended by itself; empty: it works."""
+        return f"the servers have ended: {self._failure!r}" if self._failure else ""
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        self._task = self._loop.create_task(self._serve())
+        try:
+            self._loop.run_until_complete(self._task)
+        except asyncio.CancelledError:
+            pass
+        except Exception as error:
+            self._failure = error
+        finally:
+            self._started.set()
+            self._loop.close()
+
+    async def _serve(self) -> None:
+        running: list[Server] = []
+        try:
+            for server in self._servers:
+                await server.start(self._state)
+                running.append(server)
+            self._started.set()
+            while True:
+                state = self._state()
+                for server in self._servers:
+                    await server.update(state)
+                await asyncio.sleep(TUNING.period)
+        finally:
+            for server in running:
+                await server.stop()
+
+
+def check_port(name: str, host: str, port: int) -> None:
+    """Checks that a server can listen on a port.
+
+    Args:
+        name: of the parameter that gives it.
+        host: address on which it listens.
+        port: its number.
+
+    Raises:
+        SloshPlcError: it cannot; the text says why.
+    """
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        with socket.socket(family, socket.SOCK_STREAM) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((host, port))
+    except OSError as error:
+        other = "; choose another port for each cell" if error.errno else ""
+        raise SloshPlcError(f"{name} = {port} on {host}: {error.strerror}{other}") from None
+
+
+def quiet(library: str) -> None:
+    """Lets a library log nothing: strangers' bytes would fill a node's log with its tracebacks."""
+    logging.getLogger(library).setLevel(logging.CRITICAL + 1)
+
+
+def missing(module: str) -> SloshPlcError:
+    """Returns the error that an optional library is not installed."""
+    return SloshPlcError(f"{module} is not installed ({INSTALL})")

@@ -1,0 +1,22 @@
+"""Tuning numbers of the servers for controllers outside ROS."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from slosh_base.tuning import number
+
+
+@dataclass(frozen=True, slots=True)
+class PlcTuning:
+    """Times of the servers; `silence` and two periods are less than the second of a lost cell."""
+
+    silence: float = number(0.75, "s", "time without a message after which its values are bad")
+    period: float = number(0.1, "s", "time between two updates of OPC UA and MQTT")
+    retry: float = number(2.0, "s", "time between two attempts to reach an MQTT broker")
+    keep_alive: int = number(1, "s", "keep-alive time that an MQTT broker is told")
+    starting: float = number(240.0, "s", "longest time that the servers may take to start")
+    expiring: float = number(30.0, "day", "rest of a certificate's time that is reported")
+
+
+TUNING = PlcTuning()

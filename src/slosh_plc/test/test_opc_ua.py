@@ -1,0 +1,299 @@
+"""Real OPC UA clients read the cell, with and without certificates, and can change nothing."""
+
+import asyncio
+import socket
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+from slosh_plc.cell_state import SIGNALS
+from slosh_plc.certificates import read_server_certificate, read_trusted
+from slosh_plc.errors import SloshPlcError
+from slosh_plc.opc_ua import NAMESPACE, OpcUaServer, OpcUaSettings, node_name
+from slosh_testing.plc import ServedCell, free_port, good_state
+
+pytest.importorskip("asyncua", reason="asyncua is not installed (requirements/plc.txt)")
+
+from asyncua import Client, ua
+from asyncua.crypto import cert_gen
+from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256 as Policy
+from cryptography import x509
+from cryptography.hazmat.primitives.serialization import Encoding
+from cryptography.x509.oid import ExtendedKeyUsageOID
+
+CELL = "line_1"
+NOW = datetime.now(UTC) + timedelta(minutes=10)
+
+
+def settings(**given):
+    return OpcUaSettings(CELL, "127.0.0.1", free_port(), **given)
+
+
+@pytest.fixture(scope="module")
+def served():
+    cell, own = ServedCell(), settings()
+    with cell.serve(OpcUaServer(own)):
+        yield cell, own.url
+
+
+def ask(url, *questions, login=None):
+    """Answers to questions, each a coroutine function of a connected client."""
+
+    async def session():
+        client = Client(url, timeout=20)
+        if login is not None:
+            await login(client)
+        async with client:
+            return [await question(client) for question in questions]
+
+    return asyncio.run(session())
+
+
+async def index_of(client):
+    return await client.get_namespace_index(NAMESPACE)
+
+
+async def node_of(client, signal):
+    return client.get_node(ua.NodeId(node_name(CELL, signal), await index_of(client)))
+
+
+def told(signal):
+    """A question for a value with its status."""
+
+    async def question(client):
+        node = await node_of(client, signal)
+        return await node.read_data_value(raise_on_bad_status=False)
+
+    return question
+
+
+def until_told(signal, value):
+    """A question that waits until a value is served."""
+
+    async def question(client):
+        while (await told(signal)(client)).Value.Value != value:
+            await asyncio.sleep(0.01)
+
+    return question
+
+
+def test_a_client_finds_the_cell_its_units_and_its_choices(served):
+    _, url = served
+
+    async def look(client):
+        index = await index_of(client)
+        made = await client.nodes.objects.get_child(f"{index}:{CELL}")
+        kind = client.get_node(await made.read_type_definition())
+        children = await made.get_children(nodeclassmask=ua.NodeClass.Variable)
+        names = [(await child.read_browse_name()).Name for child in children]
+        height = await made.get_child(f"{index}:estimated_height")
+        unit = await (await height.get_child("0:EngineeringUnits")).read_value()
+        state = await made.get_child(f"{index}:state")
+        choices = await (await state.get_child("0:EnumStrings")).read_value()
+        about = (await height.read_description()).Text
+        return (await kind.read_browse_name()).Name, names, unit, choices, about
+
+    ((kind, names, unit, choices, about),) = ask(url, look)
+    assert kind == "SloshCellType"
+    assert names == [signal.name for signal in SIGNALS]
+    assert (unit.DisplayName.Text, unit.UnitId) == ("m", 5067858)  # MTR of UN/CEFACT
+    assert [text.Text for text in choices] == ["OK", "WARN", "ERROR", "STALE", "BLIND"]
+    assert "model estimates" in about
+
+
+def test_a_subscription_is_told_of_values_and_of_the_loss(served):
+    cell, url = served
+    cell.state = good_state(estimated_height=0.0123, state=1)
+    ask(url, until_told("estimated_height", 0.0123))
+
+    async def follow(client):
+        heard = asyncio.Queue()
+
+        class Handler:
+            def datachange_notification(self, node, value, data):
+                heard.put_nowait(data.monitored_item.Value)
+
+        subscription = await client.create_subscription(50, Handler())
+        await subscription.subscribe_data_change(await node_of(client, "estimated_height"))
+        found = []
+        for _ in range(600):
+            value = await asyncio.wait_for(heard.get(), 30)
+            found.append((value.Value.Value, value.StatusCode.value))
+            if found[-1][1] != ua.StatusCodes.Good:
+                return found
+            cell.lose()
+        return found
+
+    (found,) = ask(url, follow)
+    assert (0.0123, ua.StatusCodes.Good) in found
+    assert found[-1][1] == ua.StatusCodes.BadNoCommunication
+    state, blind = ask(url, told("state"), told("blind"))
+    assert state.StatusCode.value == blind.StatusCode.value == ua.StatusCodes.BadNoCommunication
+    assert (state.Value.Value, blind.Value.Value) == (None, None)  # with a bad status none is sent
+
+
+def write(client_value, signal="calm"):
+    async def question(client):
+        node = await node_of(client, signal)
+        await node.write_value(client_value, ua.VariantType.Boolean)
+
+    return question
+
+
+async def add_node(client):
+    await client.nodes.objects.add_variable(ua.NodeId("mine", 2), "2:mine", 1.0)
+
+
+async def delete_node(client):
+    await client.delete_nodes([await node_of(client, "calm")])
+
+
+@pytest.mark.parametrize("question", [write(True), add_node, delete_node])
+@pytest.mark.parametrize("user", ["", "admin"])
+def test_nobody_can_change_anything(served, question, user):
+    cell, url = served
+    cell.state = good_state(calm=False)
+    ask(url, until_told("calm", False))
+
+    async def login(client):
+        if user:
+            client.set_user(user)
+
+    with pytest.raises(ua.UaError):
+        ask(url, question, login=login)
+    (value,) = ask(url, told("calm"))
+    assert value.Value.Value is False
+
+
+def certificate(folder, name, days=10, uri=True):
+    """Files of a new certificate and its key."""
+    folder.mkdir(exist_ok=True)
+    path, key_path = folder / f"{name}.der", folder / f"{name}.key.pem"
+    key = cert_gen.generate_private_key()
+    names = [x509.DNSName("localhost")]
+    if uri:
+        names.append(x509.UniformResourceIdentifier(f"urn:{name}"))
+    usage = [ExtendedKeyUsageOID.CLIENT_AUTH, ExtendedKeyUsageOID.SERVER_AUTH]
+    made = cert_gen.generate_self_signed_app_certificate(key, name, {}, names, usage, days=days)
+    path.write_bytes(made.public_bytes(Encoding.DER))
+    key_path.write_bytes(cert_gen.dump_private_key_as_pem(key))
+    return path, key_path
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Certificates of the server, of a client that it trusts, and of a stranger."""
+    folder = tmp_path_factory.mktemp("certificates")
+    (folder / "trusted").mkdir()
+    return {
+        "folder": folder, "server": certificate(folder, "server"),
+        "friend": certificate(folder / "trusted", "friend"),
+        "stranger": certificate(folder, "stranger"),
+    }  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def secured(files):
+    (files["folder"] / "trusted" / "friend.key.pem").rename(files["folder"] / "friend.key.pem")
+    files["friend"] = (files["friend"][0], files["folder"] / "friend.key.pem")
+    own = settings(
+        certificate=read_server_certificate(*files["server"], NOW),
+        trusted=read_trusted(files["folder"] / "trusted"),
+    )
+    cell = ServedCell()
+    with cell.serve(OpcUaServer(own)):
+        yield own.url
+
+
+def as_client(files, name):
+    async def login(client):
+        client.application_uri = f"urn:{name}"
+        path, key = files[name]
+        await client.set_security(Policy, path, key, server_certificate=files["server"][0])
+
+    return login
+
+
+def test_a_trusted_client_reads_and_still_cannot_write(secured, files):
+    login = as_client(files, "friend")
+    (value,) = ask(secured, told("calm"), login=login)
+    assert value.Value.Value is True
+    with pytest.raises(ua.UaError):
+        ask(secured, write(False), login=login)
+
+
+def test_an_unknown_client_and_one_without_a_certificate_are_refused(secured, files):
+    with pytest.raises(ua.UaError):
+        ask(secured, told("calm"), login=as_client(files, "stranger"))
+    with pytest.raises((ua.UaError, OSError)):
+        ask(secured, told("calm"))
+
+
+def test_a_certificate_that_ends_is_told(files):
+    own = read_server_certificate(*files["server"], NOW)
+    assert "expires on" in own.complaint(NOW)
+    assert "expired on" in own.complaint(NOW + timedelta(days=11))
+    assert own.complaint(NOW - timedelta(days=300)) == ""
+
+
+def test_certificates_that_do_not_fit_are_refused_by_name(files, tmp_path):
+    path, key = files["server"]
+    text = tmp_path / "text.pem"
+    text.write_text("no certificate")
+    other = files["stranger"][1]
+    nameless = certificate(tmp_path, "nameless", uri=False)
+    cases = [
+        ((tmp_path / "absent.der", key), NOW, "certificate: no such file: .*absent.der"),
+        ((path, tmp_path / "absent.pem"), NOW, "private_key: no such file: .*absent.pem"),
+        ((text, key), NOW, "certificate: .*text.pem is no certificate"),
+        ((path, text), NOW, "private_key: .*text.pem is no private key"),
+        ((path, other), NOW, "is not the key of"),
+        ((path, key), NOW + timedelta(days=11), "expired on .*; renew it"),
+        ((path, key), NOW - timedelta(days=1), "is valid from .* check the clock"),
+        (nameless, NOW + timedelta(hours=1), "has no application URI"),
+    ]
+    for given, now, reason in cases:
+        with pytest.raises(SloshPlcError, match=reason) as caught:
+            read_server_certificate(*given, now)
+        assert "\n" not in str(caught.value)
+
+
+def test_a_folder_without_clients_is_refused(tmp_path):
+    with pytest.raises(SloshPlcError, match="no such folder"):
+        read_trusted(tmp_path / "absent")
+    with pytest.raises(SloshPlcError, match="has no certificate"):
+        read_trusted(tmp_path)
+    (tmp_path / "a.pem").write_text("no certificate")
+    with pytest.raises(SloshPlcError, match=r"a\.pem is no certificate"):
+        read_trusted(tmp_path)
+
+
+def test_other_machines_need_a_certificate():
+    with pytest.raises(SloshPlcError, match=r"host = 0.0.0.0: .* needs certificate"):
+        OpcUaSettings(CELL, "0.0.0.0", 4840)
+
+
+def test_a_port_that_is_taken_is_named():
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        own = OpcUaSettings(CELL, "127.0.0.1", other.getsockname()[1])
+        with (
+            pytest.raises(SloshPlcError, match=f"opc_ua_port = {own.port} on .*in use"),
+            ServedCell().serve(OpcUaServer(own)),
+        ):
+            pass
+
+
+GARBAGE = (b"", b"\0" * 12, b"GET / HTTP/1.1\r\n\r\n", b"HELF\x08\0\0\0", bytes(range(256)) * 40)
+
+
+def test_strangers_bytes_cost_no_client_anything(served, capfd):
+    _, url = served
+    port = int(url.rpartition(":")[2].partition("/")[0])
+    for data in GARBAGE:
+        with socket.create_connection(("127.0.0.1", port), 5.0) as stranger:
+            stranger.sendall(data)
+    (value,) = ask(url, told("heartbeat"))
+    assert value.StatusCode is not None
+    assert capfd.readouterr().err == ""

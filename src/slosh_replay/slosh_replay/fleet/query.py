@@ -1,0 +1,89 @@
+"""Queries the fleet store by SQL."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
+
+from slosh_bag.errors import SloshBagError
+from slosh_replay.fleet.store import FleetStore
+
+TABLE: Final = "motions"
+HOW_TO_GET: Final = "DuckDB is not installed (pip install -r requirements/fleet.txt)"
+_ONCE: Final = """SELECT * FROM stored
+QUALIFY row_number() OVER (PARTITION BY digest ORDER BY bag) = 1"""
+"""A motion that is in several bags counts once."""
+
+
+class Result(NamedTuple):
+    """Result of a query: names of the columns, and rows of Python values."""
+
+    names: tuple[str, ...]
+    rows: Sequence[tuple[Any, ...]]
+
+
+class MotionTable:
+    """The table `motions` of a store in DuckDB; use it as a context manager.
+
+    Its queries read nothing else: no files, no network.
+
+    Args:
+        store: the store.
+        loaded: whether all motions are loaded at once, for many queries.
+
+    Raises:
+        SloshBagError: DuckDB is not installed, or the store is empty.
+    """
+
+    def __init__(self, store: FleetStore, *, loaded: bool = False) -> None:
+        try:
+            self._duckdb = importlib.import_module("duckdb")
+        except ImportError:
+            raise SloshBagError(HOW_TO_GET) from None
+        dataset = store.dataset()
+        self._connection = self._duckdb.connect()
+        self._connection.register("stored", dataset)
+        kind = "TABLE" if loaded else "VIEW"
+        self.query(f"CREATE TEMP {kind} {TABLE} AS {_ONCE}")
+        self.query("SET enable_external_access = false")
+        self.query("SET lock_configuration = true")
+
+    def __enter__(self) -> MotionTable:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._connection.close()
+
+    def query(self, sql: str, values: Sequence[Any] = ()) -> Result:
+        """Runs an SQL query of DuckDB.
+
+        Args:
+            sql: the statement.
+            values: of its parameters ?.
+
+        Raises:
+            SloshBagError: the query is wrong; one line.
+        """
+        try:
+            found = self._connection.execute(sql, list(values))
+            if found is None:
+                raise SloshBagError("query: the statement is empty")
+            names = tuple(column[0] for column in found.description or ())
+            return Result(names, found.fetchall())
+        except self._duckdb.Error as error:
+            first = str(error).strip().splitlines()[0]
+            raise SloshBagError(f"query: {first}") from None
+
+
+def query(store: FleetStore, sql: str) -> Result:
+    """Runs one SQL query on the table `motions` of a store.
+
+    >>> query(FleetStore("store"), "SELECT cell, count(*) FROM motions GROUP BY cell").names
+    ('cell', 'count_star()')
+
+    Raises:
+        SloshBagError: DuckDB is not installed, the store is empty, or the query is wrong.
+    """
+    with MotionTable(store) as table:
+        return table.query(sql)

@@ -1,0 +1,162 @@
+"""Fleet store: Parquet files of motions by cell and month, on any file system of fsspec.
+
+STORE/cell=line_1/month=2026-11/<digest>.parquet holds motions of one bag. The name is the digest
+of its rows: the same bag gives the same file, and is stored once. A file appears as a whole.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import hashlib
+import importlib
+import io
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from slosh_bag.errors import SloshBagError
+from slosh_bag.interchange.export_sinks import load_pyarrow
+from slosh_base.files import write_bytes
+from slosh_replay.fleet.motion_row import COLUMNS, Column, MotionRow
+
+SUFFIX: Final = ".parquet"
+ADDED: Final = (
+    Column("month", "str", "1", "month of the begin, UTC"),
+    Column("begin", "timestamp", "UTC", "begin of the motion"),
+)
+"""Columns that the store adds to those of MotionRow."""
+_STORED: Final = tuple(column for column in COLUMNS if column.name != "cell")
+"""Columns in the files; the cell and the month are in their folders' names."""
+
+
+class Added(NamedTuple):
+    """Result of storing the motions of one bag: motions, new files, and files of before."""
+
+    motions: int
+    new: int
+    known: int
+
+
+class FleetStore:
+    """Motions of many recordings at one place.
+
+    Args:
+        url: folder, or what fsspec knows, such as s3://bucket/motions.
+
+    Raises:
+        SloshBagError: the place's protocol is not known or its library is not installed.
+    """
+
+    def __init__(self, url: str) -> None:
+        self.url = url
+        try:
+            core = importlib.import_module("fsspec.core")
+            self._files, self._root = core.url_to_fs(url)
+        except (ImportError, ValueError) as error:
+            raise SloshBagError(f"{url}: {' '.join(str(error).split())}") from None
+
+    def add(self, rows: Sequence[MotionRow]) -> Added:
+        """Stores the motions of one bag; those that are stored already are left.
+
+        Raises:
+            SloshBagError: the place cannot be written.
+        """
+        groups: dict[tuple[str, str], list[MotionRow]] = {}
+        for row in rows:
+            groups.setdefault((row.cell, row.month), []).append(row)
+        new = 0
+        for (cell, month), group in sorted(groups.items()):
+            digest = hashlib.sha256("".join(sorted(row.digest for row in group)).encode())
+            path = f"{self._root}/cell={cell}/month={month}/{digest.hexdigest()[:32]}{SUFFIX}"
+            try:
+                if not self._files.exists(path):
+                    self._put(path, _packed(group))
+                    new += 1
+            except OSError as error:
+                reason = error.strerror or " ".join(str(error).split())
+                raise SloshBagError(f"{self.url}: {reason}") from None
+        return Added(len(rows), new, len(groups) - new)
+
+    def dataset(self) -> Any:
+        """Returns all stored motions as a pyarrow dataset; the same motion may be in it twice.
+
+        Raises:
+            SloshBagError: there are none, or the place cannot be read.
+        """
+        arrow, _ = load_pyarrow()
+        dataset = importlib.import_module("pyarrow.dataset")
+        try:
+            # Beside files that are being written, which have other names.
+            found = self._files.glob(f"{self._root}/cell=*/month=*/[0-9a-f]*{SUFFIX}")
+            if not found:
+                raise SloshBagError(
+                    f"{self.url}: no motions are stored here; `slosh ingest BAG --store "
+                    f"{self.url}` adds some"
+                )
+            folders = arrow.schema([("cell", arrow.string()), ("month", arrow.string())])
+            return dataset.dataset(
+                sorted(found), filesystem=self._files, format="parquet",
+                schema=arrow.schema([*_schema(arrow), *folders]),
+                partitioning=dataset.partitioning(folders, flavor="hive"),
+            )  # fmt: skip
+        except OSError as error:
+            raise SloshBagError(f"{self.url}: {error.strerror or error}") from None
+
+    def _put(self, path: str, data: bytes) -> None:
+        """Writes a file as a whole: by its rename on a disk, by one request elsewhere."""
+        if "file" in _protocols(self._files):
+            _write(Path(path), data)
+        else:
+            self._files.makedirs(path.rpartition("/")[0], exist_ok=True)
+            self._files.pipe_file(path, data)
+
+
+def _write(path: Path, data: bytes) -> None:
+    """Writes a file on a disk; folders that were made for it go if it cannot be written."""
+    made = [folder for folder in path.parents if not folder.exists()]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_bytes(path, data)
+    except BaseException:
+        for folder in made:
+            with contextlib.suppress(OSError):  # another ingest has written there
+                folder.rmdir()
+        raise
+
+
+def _protocols(files: Any) -> Iterable[str]:
+    named = files.protocol
+    return (named,) if isinstance(named, str) else named
+
+
+def _schema(arrow: Any) -> Any:
+    """Returns the schema of the files: the unit and meaning of each column are in it."""
+    types = {"str": arrow.string(), "int": arrow.int64(), "float": arrow.float64()}
+    own = [
+        arrow.field(
+            column.name,
+            types[column.type],
+            metadata={"unit": column.unit, "about": column.meaning},
+        )
+        for column in _STORED
+    ]
+    return arrow.schema([*own, arrow.field("begin", arrow.timestamp("us", tz="UTC"))])
+
+
+def _packed(rows: Sequence[MotionRow]) -> bytes:
+    """Returns rows as a Parquet file; NaN is null, so that queries leave it out."""
+    arrow, parquet = load_pyarrow()
+    schema = _schema(arrow)
+    dicts = [dataclasses.asdict(row) | {"begin": row.begin} for row in rows]
+    columns = [
+        arrow.array([_known(row[name]) for row in dicts], type=schema.field(name).type)
+        for name in schema.names
+    ]
+    stream = io.BytesIO()
+    parquet.write_table(arrow.table(columns, schema=schema), stream, compression="zstd")
+    return stream.getvalue()
+
+
+def _known(value: Any) -> Any:
+    return None if value != value else value

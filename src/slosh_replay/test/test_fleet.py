@@ -1,0 +1,255 @@
+"""The fleet store: one row for each motion, once, whole or not at all."""
+
+import dataclasses
+import math
+import shutil
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+from rclpy.serialization import serialize_message
+
+from slosh_bag.bag_writer import BagWriter
+from slosh_bag.errors import SloshBagError
+from slosh_bag.held_folder import HeldFolder
+from slosh_model.mode_table import mode_table
+from slosh_model.model_text import parse_model
+from slosh_msgs.msg import Calm, FusedEstimate, ModelEstimate, NodeSettings, SloshEstimate
+from slosh_msgs_py.stamps import to_time
+from slosh_replay.fleet.motion_row import COLUMNS, MotionRow
+from slosh_replay.fleet.motions import motions_of
+from slosh_replay.fleet.query import MotionTable, query
+from slosh_replay.fleet.store import FleetStore
+from slosh_replay.recorded_run import RecordedRun
+
+BAGS = Path(__file__).parents[3] / "bags"
+MODEL = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}"
+DAY_NS = 86_400 * 10**9
+BEGIN_NS = int(datetime(2026, 1, 30, 12, tzinfo=UTC).timestamp()) * 10**9
+needs_duckdb = pytest.mark.usefixtures("duckdb")
+
+
+@pytest.fixture
+def duckdb():
+    return pytest.importorskip("duckdb", reason="DuckDB is not installed (requirements/fleet.txt)")
+
+
+def row(number=0, **given):
+    """A motion of the day so many days after 30 January."""
+    numbers = {column.name: 0.01 for column in COLUMNS if column.type == "float"}
+    whole = {column.name: 0 for column in COLUMNS if column.type == "int"}
+    texts = {"cell": "line_1", "digest": f"{number:064x}", "bag": "/bags/a", "container": "cup"}
+    own = {"model_digest": "m", "begin_ns": BEGIN_NS + number * DAY_NS}
+    return MotionRow(**{**numbers, **whole, **texts, **own, **given})
+
+
+def files(place):
+    return sorted(str(path.relative_to(place)) for path in place.rglob("*") if path.is_file())
+
+
+def test_a_recorded_motion_is_one_row():
+    (found,) = motions_of(BAGS / "c3")
+    assert found.cell == "slosh"
+    assert found.container == "cylinder"
+    assert found.month == "2026-11"
+    assert found.bag == str(BAGS / "c3")
+    starts = RecordedRun(BAGS / "c3").starts
+    limit = next(one.parameters["measured_limit"] for one in starts if one.node == "monitor")
+    assert found.measured_limit == limit
+    assert found.events == 2
+    assert 400 < found.images < 546
+    assert found.measured_peak == pytest.approx(found.nonlinear_peak, rel=0.05)
+    assert found.epsilon_nonlinear == pytest.approx(
+        (found.nonlinear_peak - found.measured_peak) / found.measured_peak, abs=0.02
+    )
+    assert found.sigma_nonlinear < 3e-4 < found.sigma_linear
+    assert math.isnan(found.natural_frequency)  # this bag is older than the observer
+
+
+def observed(folder, others):
+    """A bag of one push of 1 s and a rest, and further messages: name, message, time [s]."""
+    messages = []
+    still = ModelEstimate(modal_position=[0.0, 0.0], modal_velocity=[0.0, 0.0])
+    for number in range(600):
+        push = 3.0 * math.sin(math.pi * number / 100.0) if 100 <= number < 200 else 0.0
+        estimate = SloshEstimate(acceleration=[push, 0.0, 0.0], linear=still, nonlinear=still)
+        messages.append(("estimate", estimate, 0.01 * number))
+    document = f"parameters: {{}}\nfiles: {{model: {MODEL!r}}}\n"
+    messages.append(("settings", NodeSettings(node="estimator", document=document), 0.0))
+    with BagWriter(folder) as writer:
+        for name, message, seconds in [*messages, *others]:
+            stamp_ns = BEGIN_NS + round(1e9 * seconds)
+            message.header.stamp = to_time(stamp_ns)
+            writer.add_topic(f"/slosh/{name}", f"slosh_msgs/msg/{type(message).__name__}")
+            writer.write(f"/slosh/{name}", serialize_message(message), stamp_ns)
+
+
+def fused(**given):
+    return FusedEstimate(modal_position=[0.0, 0.0], modal_velocity=[0.0, 0.0], **given)
+
+
+def test_the_observers_findings_and_the_calm_time_are_in_the_row(tmp_path):
+    factors = {"frequency_factor": 1.02, "frequency_stddev": 0.01, "damping_factor": 1.5}
+    observed(
+        tmp_path / "bag",
+        [
+            ("fused_estimate", fused(frequency_factor=0.5, trusted=True), 1.5),
+            ("fused_estimate", fused(**factors, trusted=True, level=0.002), 3.0),
+            ("fused_estimate", fused(frequency_factor=9.0, trusted=False), 3.1),
+            ("calm", Calm(calm=True), 0.5),
+            ("calm", Calm(calm=True), 1.2),
+            ("calm", Calm(calm=False), 2.5),
+            ("calm", Calm(calm=True), 4.0),
+        ],
+    )
+    (found,) = motions_of(tmp_path / "bag")
+    assert found.begin_ns == pytest.approx(BEGIN_NS + 1.0e9, abs=1e8)
+    assert found.duration == pytest.approx(1.0, abs=0.11)
+    assert found.acceleration == pytest.approx(3.0, abs=0.01)
+    first = mode_table(parse_model(MODEL), 1)[0]
+    assert found.natural_frequency == pytest.approx(1.02 * first.natural_frequency)
+    assert found.natural_frequency_stddev == pytest.approx(0.0102 * first.natural_frequency)
+    assert found.damping_ratio == pytest.approx(1.5 * first.damping_ratio)
+    assert found.level == 0.002
+    assert found.calm_time == pytest.approx(2.0, abs=0.11)
+    assert (found.images, found.events) == (0, 0)
+    assert math.isnan(found.measured_peak)
+
+
+def test_a_motion_has_one_digest_in_each_of_its_bags(tmp_path):
+    copy = shutil.copytree(BAGS / "l", tmp_path / "copy")
+    (first,), (second,) = motions_of(BAGS / "l"), motions_of(copy)
+    assert first.digest == second.digest
+    assert str(dataclasses.replace(second, bag=first.bag)) == str(first)  # NaN is not equal
+    (other,) = motions_of(BAGS / "l3")
+    assert other.digest != first.digest
+
+
+def test_bags_that_cannot_be_ingested_are_named(tmp_path):
+    bag = tmp_path / "raw"
+    with BagWriter(bag) as writer:
+        writer.add_topic("/a", "std_msgs/msg/Header")
+        writer.write("/a", bytes.fromhex("000100000000000000000000020000006100"), 1)
+    with pytest.raises(SloshBagError, match="holds no estimates; `slosh replay"):
+        motions_of(bag)
+    held = HeldFolder(bag)
+    with pytest.raises(SloshBagError, match="is being recorded"):
+        motions_of(bag)
+    held.release()
+    with pytest.raises(SloshBagError, match="no such file or folder"):
+        motions_of(tmp_path / "absent")
+
+
+@needs_duckdb
+def test_what_is_stored_comes_out_again(tmp_path):
+    rows = [row(0), row(1, calm_time=math.nan), row(2, cell="line_2.b", events=3)]
+    store = FleetStore(str(tmp_path / "store"))
+    assert store.add(rows) == (3, 2, 0)
+    assert [name.rpartition("/")[0] for name in files(tmp_path / "store")] == [
+        "cell=line_1/month=2026-01", "cell=line_2.b/month=2026-02"
+    ]  # fmt: skip
+    names = [column.name for column in COLUMNS]
+    found = query(store, f"SELECT {', '.join(names)}, begin FROM motions ORDER BY begin_ns")
+    told = [dict(zip(found.names, values, strict=True)) for values in found.rows]
+    for given, back in zip(rows, told, strict=True):
+        assert back.pop("begin") == given.begin
+        want = dataclasses.asdict(given)
+        assert back == {name: None if value != value else value for name, value in want.items()}
+
+
+@needs_duckdb
+def test_a_motion_counts_once_whatever_bags_have_it(tmp_path):
+    store = FleetStore(str(tmp_path))
+    rows = [row(0), row(1)]
+    store.add(rows)
+    store.add([row(5, cell="b")])
+    before = files(tmp_path)
+    assert store.add(rows).new == 0
+    assert store.add([dataclasses.replace(one, bag="/other") for one in rows]).new == 0
+    assert files(tmp_path) == before
+    store.add([row(0, bag="/bags/part")])  # a shorter bag with one of them
+    assert query(store, "SELECT count(*), count(DISTINCT digest) FROM motions").rows == [(3, 3)]
+    assert query(store, "SELECT bag FROM motions WHERE digest LIKE '%0000'").rows == [("/bags/a",)]
+
+
+@needs_duckdb
+def test_a_write_that_fails_leaves_nothing_and_can_be_repeated(tmp_path, monkeypatch):
+    store = FleetStore(str(tmp_path / "store"))
+    rows = [row(0), row(20)]  # two months, so two files
+    calls = []
+
+    def failing(path, data):
+        calls.append(path)
+        if len(calls) > 1:
+            raise OSError(28, "No space left on device", str(path))
+        path.write_bytes(data)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("slosh_replay.fleet.store.write_bytes", failing)
+        with pytest.raises(SloshBagError, match="No space left on device"):
+            store.add(rows)
+    assert len(files(tmp_path)) == 1
+    assert sorted(path.name for path in (tmp_path / "store" / "cell=line_1").iterdir()) == [
+        "month=2026-01"
+    ]
+    assert store.add(rows) == (2, 1, 1)
+    assert query(store, "SELECT count(*) FROM motions").rows == [(2,)]
+
+
+@needs_duckdb
+def test_other_places_than_a_disk():
+    store = FleetStore("memory://fleet")
+    assert store.add([row(0), row(1)]).motions == 2
+    assert store.add([row(0), row(1)]).new == 0
+    assert query(store, "SELECT sum(images) FROM motions").rows == [(0,)]
+
+
+@pytest.mark.parametrize("url", ["nowhere://a", "s3://a/b/c"])
+def test_a_place_that_cannot_be_reached_is_named(url):
+    try:
+        FleetStore(url)
+    except SloshBagError as error:
+        assert str(error).startswith(f"{url}: ")
+        assert "\n" not in str(error)
+
+
+@needs_duckdb
+@pytest.mark.parametrize(
+    ("sql", "told"),
+    [
+        ("SELEC", "syntax error"),
+        ("SELECT nothing FROM motions", "nothing"),
+        ("", "the statement is empty"),
+        ("SELECT * FROM read_csv('/etc/passwd')", "disabled by configuration"),
+        ("COPY motions TO '/tmp/slosh_motions.csv'", "disabled by configuration"),
+        ("SET enable_external_access = true", "locked"),
+    ],
+)
+def test_a_query_that_is_wrong_or_reaches_out_is_refused(tmp_path, sql, told):
+    store = FleetStore(str(tmp_path))
+    store.add([row(0)])
+    with pytest.raises(SloshBagError, match=told) as caught:
+        query(store, sql)
+    assert "\n" not in str(caught.value)
+
+
+@needs_duckdb
+def test_an_empty_store_says_what_to_do(tmp_path):
+    with pytest.raises(SloshBagError, match="no motions are stored here; `slosh ingest BAG"):
+        query(FleetStore(str(tmp_path / "absent")), "SELECT 1")
+
+
+@needs_duckdb
+def test_queries_take_values(tmp_path):
+    store = FleetStore(str(tmp_path))
+    store.add([row(0), row(1, container="it's")])
+    with MotionTable(store, loaded=True) as table:
+        found = table.query("SELECT count(*) FROM motions WHERE container = ?", ["it's"])
+    assert found.rows == [(1,)]
+
+
+def test_without_duckdb_the_line_says_how_to_get_it(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "duckdb", None)
+    with pytest.raises(SloshBagError, match=r"pip install -r requirements/fleet\.txt"):
+        query(FleetStore(str(tmp_path)), "SELECT 1")
