@@ -5,7 +5,7 @@
 Streams, liquids and delays are those of `governor.py`; every limit is checked by `simulate`,
 `standing_use` and Pinocchio. *Four cups*: each drawn with its own limit, two stand loosely.
 *Joints*: velocities of the arm of `six_axes.py`, that tilt the cup by some degrees. *Without*:
-the same without regard to the liquid, and to what holds the cups. Tuned on `--half 0`.
+acceleration and jerk alone, of the tray or of each joint. Tuned on `--half 0`.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ from slosh_model import Inputs, Model, simulate
 from slosh_model.standing import Standing
 from slosh_model.standing_use import standing_use
 from slosh_model.tray import Tray, TrayContainer
+from slosh_plan.errors import SloshPlanError
 from slosh_plan.governor import Command, Governed, GovernedArm, Governor
 from slosh_plan.heights import first_period
 from slosh_plan.planning.limits import PlanLimits
@@ -155,7 +156,7 @@ def unregarded(load: Load, commands: Array, before: Moves | None = None) -> Move
         if load.arm is not None:
             own = load.arm.limits
             limits = replace(limits, acceleration=own.acceleration[k], jerk=own.jerk[k])
-        begin = [one[part] for one in last]
+        begin: list[list[float]] = [one[part].tolist() for one in last]
         found.append(tracked(commands[:, part], limits, *begin))
     count = max(len(acceleration) for _, acceleration in found)
     columns = [
@@ -229,7 +230,11 @@ def run(name: str, seed: int) -> tuple[float, ...]:
     governor, told = begun(load, COMMANDS)
     moves = moves_of(load, told + governor.stopped())
     free = unregarded(load, load.commands)
-    heights, blind = highest(load, moves, pairs), highest(load, free, pairs[:1])
+    heights = highest(load, moves, pairs)
+    try:
+        blind = highest(load, free, pairs[:1])
+    except SloshPlanError:  # far beyond the range of a joint
+        blind = np.full(2, math.inf)
     return (
         *heights, joint_use(load, moves), blind.max(),
         delays(load.commands, moves.velocity[1:]),
