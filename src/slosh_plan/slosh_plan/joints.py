@@ -327,7 +327,7 @@ class Arm(Robot):
         if len(outside) and outside.max() > ESTIMATOR_TUNING.beyond_limits:
             row, place = map(int, np.unravel_index(int(np.argmax(outside)), outside.shape))
             raise SloshPlanError(
-                f"{name}: joint {joints[int(place)]!r} reaches {position[row, place]:.6g}, far outside "
+                f"{name}: joint {joints[place]!r} reaches {position[row, place]:.6g}, far outside "
                 f"its limits, {limits['lower'][place]:.6g} to {limits['upper'][place]:.6g}: "
                 "positions must be in rad and m, not in degrees and mm"
             )
