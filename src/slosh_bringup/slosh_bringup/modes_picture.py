@@ -60,7 +60,7 @@ def draw_direction(axes: Axes, plan: Array, row: ModeRow) -> None:
     along = _MM * np.array([np.cos(row.azimuth), np.sin(row.azimuth)])
     reach = 0.5 * float(np.abs(plan @ along).max()) / _MM
     axes.annotate(
-        "", reach * along, -reach * along,
+        "", tuple(reach * along), tuple(-reach * along),
         arrowprops={"arrowstyle": "<->", "color": "#c0392b", "linewidth": 1.6},
         annotation_clip=False,
     )  # fmt: skip
