@@ -138,12 +138,15 @@ def test_discover_takes_a_folder_of_event_bags_and_each_motion_once(tmp_path):
     folder.mkdir()
     for number, name in enumerate(("part", "whole", "rest")):
         (tmp_path / name / "0001_request").rename(folder / f"{number:04d}_{name}")
+    (folder / "0003_limit").mkdir()  # of a recorder that was killed on a full disk
+    (folder / "0003_limit" / "0003_limit_0.mcap").write_bytes(b"\x89MCAP0\r\n and no more")
     told = []
     (found,) = day_motions(folder, tell=told.append)
     (wanted,) = day_motions(run)
     assert found.motion.name == "0001_whole#1"
     assert np.array_equal(found.motion.msh, wanted.motion.msh)
-    assert any(line.startswith("left out: ") and "0002_rest" in line for line in told)
+    for name in ("0002_rest", "0003_limit"):
+        assert any(line.startswith("left out: ") and name in line for line in told)
     assert recorded_model(folder) == recorded_model(run)
 
 

@@ -72,7 +72,8 @@ def cell(folder: Path, domain: int, **own: str) -> Iterator[Robot]:
 def check(found: np.ndarray, folder: Path, share: float = 0.02) -> None:
     """The acceleration is the true one, and the recording gives the same numbers again."""
     true = acceleration(found[:, 0])
-    assert len(found) > 0.9 * len(TIMES) - 40
+    # Who subscribes to transforms late hears the motion from there on.
+    assert len(found) > 0.6 * len(TIMES)
     assert np.abs(found[:, 1:] - true).max() < share * np.abs(true).max()
     verification = replay_bag(folder / "bag").verification
     assert verification is not None

@@ -15,6 +15,7 @@ then nothing is shown. The load is printed with the result.
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import sys
 import time
@@ -25,6 +26,7 @@ from tqdm import tqdm
 
 from slosh_bag.black_box.black_box import Cause
 from slosh_bag.black_box.event_bags import event_bags, noted_events
+from slosh_bag.errors import SloshBagError
 from slosh_base.files import new_folder
 from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
 from slosh_msgs.msg import SloshComparison
@@ -40,6 +42,7 @@ HIGH, LOW, LONGEST = 0.03, 1e-4, 0.3  # m; s; how long a wave is high
 PATIENCE = 20.0  # s, for the monitor on a busy machine
 NODES = ("estimator", "monitor", "recorder")
 GROWTH, BUFFERS = 1.05, 3.0  # 1, MB; what memory may grow from the first half to the second one
+WARM = 180.0  # s, in which a node's memory still grows to its usual size
 OVERLOADED = 0.1
 """Greatest part of the bags that may not be judged, for messages that were lost."""
 EXACT, TOLD = ("estimate", "fused_estimate"), "comparison"
@@ -58,7 +61,7 @@ def main() -> int:
     with own_domain() as domain, new_folder(given.output) as folder:
         os.environ.update(node_environment(domain), ROS_DOMAIN_ID=str(domain))
         memory, told = soak(folder, domain, given.events, given.every)
-        code = report(folder / "bags", given.events, memory, told)
+        code = report(folder / "bags", given, memory, told)
     load, cores = os.getloadavg()[2], os.cpu_count()
     print(f"load of the last quarter of an hour {load:.1f} on {cores} cores")
     return code
@@ -122,9 +125,11 @@ def look(group: NodeGroup, memory: dict[str, list[float]]) -> None:
         sizes.append(resident(group.pid(name), own=True))
 
 
-def report(folder: Path, wanted: int, memory: dict[str, list[float]], told: int) -> int:
+def report(
+    folder: Path, given: argparse.Namespace, memory: dict[str, list[float]], told: int
+) -> int:
     """Replays all event bags and prints the result; returns the exit code."""
-    bags = event_bags(folder)
+    bags, wanted = event_bags(folder), given.events
     differing: list[str] = []
     overloaded: list[str] = []
     limits = with_limit = late = 0
@@ -133,7 +138,11 @@ def report(folder: Path, wanted: int, memory: dict[str, list[float]], told: int)
         causes = [one.cause for one in noted_events(run.facts.get("events", ""))]
         limits += causes.count(Cause.LIMIT)
         with_limit += Cause.LIMIT in causes
-        found = replay_bag(run).verified
+        try:
+            found = replay_bag(run).verified
+        except SloshBagError as error:
+            differing.append(f"{bag.name}: {error}")
+            continue
         wrong = [f"{bag.name}: {name}" for name in EXACT if not found[name].exact]
         lost = lost_messages(run.facts)
         if wrong and lost:
@@ -151,15 +160,22 @@ def report(folder: Path, wanted: int, memory: dict[str, list[float]], told: int)
     print(f"bags not judged, for messages that an overloaded machine lost: {len(overloaded)}")
     for line in overloaded:
         print(f"  {line}")
-    grown = False
-    for name, sizes in memory.items():
-        settled = sizes[len(sizes) // 4 :]  # the first quarter fills buffers and reads code
-        half = len(settled) // 2
-        early, late = (sum(part) / max(len(part), 1) for part in (settled[:half], settled[half:]))
-        grown |= late > GROWTH * early + BUFFERS
-        print(f"{name:<10} memory {sizes[0]:6.1f} MB at first, {early:6.1f}, then {late:6.1f}")
+    grown = [name for name, sizes in memory.items() if has_grown(name, sizes, given.every)]
     blind = len(overloaded) > OVERLOADED * wanted
-    return int(with_limit != wanted or told != wanted or bool(differing) or grown or blind)
+    return int(with_limit != wanted or told != wanted or bool(differing or grown) or blind)
+
+
+def has_grown(name: str, sizes: list[float], every: float) -> bool:
+    """Prints a node's memory at each event [MB]; returns whether it goes on growing."""
+    # At first buffers are filled and code is read.
+    settled = sizes[max(len(sizes) // 4, math.ceil(WARM / every)) :]
+    half = len(settled) // 2
+    if not half:
+        print(f"{name:<10} memory not judged: the soak is shorter than {WARM:g} s and two events")
+        return False
+    early, late = (sum(part) / len(part) for part in (settled[:half], settled[half:]))
+    print(f"{name:<10} memory {sizes[0]:6.1f} MB at first, {early:6.1f}, then {late:6.1f}")
+    return late > GROWTH * early + BUFFERS
 
 
 if __name__ == "__main__":

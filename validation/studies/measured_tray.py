@@ -35,7 +35,7 @@ from slosh_plan.joints import Arm
 from slosh_plan.planning.joint_limits import limits_of
 from slosh_plan.planning.joint_path import joint_path
 from slosh_plan.planning.limits import PlanLimits
-from slosh_plan.planning.plan import Plan, plan
+from slosh_plan.planning.plan import plan
 from slosh_plan.planning.plan_tray import TrayPlan, plan_tray
 from slosh_plan.robot_file import read_arm
 from slosh_plan.tray import predict_tray
@@ -149,8 +149,8 @@ def planned(tray: Tray) -> TrayPlan:
     rows = joints[moving[0] - 1 : moving[-1] + 2]
     path = joint_path(arm, limits, np.vstack([rows[:-1:10], rows[-1:]]))
 
-    def make(one: TrayContainer, kept: PlanLimits) -> Plan:
-        return plan(one.placed, path, kept)
+    def make(one: TrayContainer, kept: PlanLimits) -> TrayPlan:
+        return TrayPlan(plan(one.placed, path, kept), one)
 
     return plan_tray(tray, PlanLimits(LIMIT, LIMIT, jerk=JERK), make)
 
@@ -180,9 +180,11 @@ def main() -> int:
     print(f"order {order}: {1e3 * rms:.2f} mm rms from the makers' heights")
     if "--plan" in sys.argv:
         ours = planned(tray_of(order))
+        assert ours.found is not None
         peaks = {name: one.nonlinear.peak for name, one in ours.found.containers.items()}
         print(
-            f"planned: {ours.plan.found.motion.duration:.3f} s for {ours.of}, the makers' 1.84 s"
+            f"planned: {ours.plan.found.motion.duration:.3f} s for {ours.one.name}, the makers' "
+            "1.84 s"
         )
         print(", ".join(f"{name} {1e3 * peak:.1f} mm" for name, peak in peaks.items()))
     return 0

@@ -19,7 +19,7 @@ import json
 import math
 import statistics
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -131,7 +131,8 @@ class Task:
                 shares.append(share)
         acceleration = differences(place, 2)[1:-1]
         felt = replace(motion, acceleration=acceleration, tilt=None, joints=None)
-        heights = planned_heights(self.model.container, felt, turned)
+        independent: Callable[..., Array] = planned_heights
+        heights = independent(self.model.container, felt, turned)
         return max(
             *shares,
             float(np.linalg.norm(acceleration, axis=1).max()) / limits.acceleration,
@@ -338,8 +339,8 @@ def closing(rows: Sequence[Row]) -> str:
     worst = max(row.excess[PLANNED] for row in rows)
     shares = ", ".join(f"{ratio(rows, way):.2f} ({way})" for way in WAYS[:-1])
     return (
-        f"{over} of {len(rows)} planned motions exceed a limit (largest excess "
-        f"{100.0 * max(worst, 0.0):.2f} %). Planned time by that of the others, medians: {shares}."
+        f"{over} of {len(rows)} plans exceed a limit (at most {100.0 * max(worst, 0.0):.2f} %). "
+        f"Median of their times by others: {shares}."
     )
 
 

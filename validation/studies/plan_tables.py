@@ -211,9 +211,8 @@ def closing(rows: list[Row]) -> str:
     seconds = sorted(row.seconds for row in rows)
     optimal = sum(row.method == "optimal" for row in rows)
     return (
-        f"{len(rows)} cases, {optimal} of them by an optimal law, the others by a scaled one. "
-        f"Median of the time: {to_best:.2f} of the best known law's, {to_fallback:.2f} of the "
-        f"fallback's, {to_dl22:.2f} of DL22's; of the planning: "
+        f"{optimal} of {len(rows)} by an optimal law. Median time {to_best:.2f} of the best known "
+        f"law's, {to_fallback:.2f} of the fallback's, {to_dl22:.2f} of DL22's; planning "
         f"{statistics.median(seconds):.1f} s, longest {seconds[-1]:.1f} s.\n"
     )
 

@@ -17,6 +17,8 @@ SIZE = (6.4, 3.0)
 SHOWN = 5
 """Laws that are drawn."""
 COMPARED = "quintic"
+APART = 0.08
+"""Least difference of two laws' peaks that are both labelled."""
 
 
 def render_map(model: Model, found: MotionMap, name: str) -> str:
@@ -59,12 +61,16 @@ def _laws(found: MotionMap) -> Markup:
     with style("laws"):
         figure = canvas(SIZE)
         axes: Any = figure.add_subplot()
+        named = -np.inf
         for n, place in enumerate(places):
             row = found.rows[place]
             axes.plot(u, row.profile.acceleration(u), color=NONLINEAR,
                       alpha=0.3 + 0.7 * (n + 1) / len(places))  # fmt: skip
             at = int(np.argmax(row.profile.acceleration(u)))
-            axes.annotate(f"{row.speed:g}", (u[at], row.profile.acceleration(u)[at]), color=INK)
+            top = float(row.profile.acceleration(u)[at])
+            if abs(top - named) > APART * abs(top):  # else the numbers cover each other
+                axes.annotate(f"{row.speed:.4g}", (u[at], top), color=INK)
+                named = top
         axes.set_xlabel("time by the stroke's duration")
         axes.set_ylabel("a · T² / stroke")
         return Markup(svg_text(figure, "laws"))

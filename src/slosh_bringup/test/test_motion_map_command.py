@@ -43,6 +43,14 @@ def test_it_writes_table_program_and_page(run):
     assert page.count("<svg") == 2
 
 
+def test_speeds_and_ratio_take_units(run):
+    code, out, _, _ = run("--limit", "15mm", "--ratio", "40%", "--json", speeds="0.5Hz:34rpm:2")
+    assert code == 0
+    rows = json.loads(out)["rows"]
+    assert [row["speed"] for row in rows] == [30.0, 32.0, 34.0]
+    assert rows[0]["duration"] == pytest.approx(0.4 * 2.0)
+
+
 def test_a_map_that_ends_early_says_why(run):
     code, out, _, folder = run("--rim-distance", "0.02", speeds="40:50:5")
     assert code == 1
@@ -57,11 +65,19 @@ def test_a_map_that_ends_early_says_why(run):
 @pytest.mark.parametrize(
     ("words", "speeds", "said"),
     [
-        (("--limit", "0.015"), "30", "is not FROM:TO"),
+        (("--limit", "0.015"), "30", "for one speed give a range that contains it"),
+        (("--limit", "0.015"), "30:60:5:1", "is not FROM:TO"),
+        (("--limit", "0.015"), "12m/min:20m/min", "unknown unit 'm/min' (/min, 1/min, rpm, Hz)"),
+        (("--limit", "0.015", "--stroke", "100"), "30:40", "did you mean 100 mm"),
+        (("--limit", "0.015", "--stroke", "0"), "30:40", "--stroke 0: must be 0.0001 m or more"),
+        (("--limit", "0.015", "--stroke=-0.1"), "30:40", "the direction does not matter"),
+        (("--limit", "0.015", "--stroke", "nan"), "30:40", "--stroke nan: must be"),
+        (("--limit", "0.015", "--max-jerk", "74000"), "30:40", "did you mean 74000 mm/s3, 74?"),
         (("--limit", "0.015"), "60:30", "speeds must rise"),
         (("--limit", "0.015"), "nan:60", "speeds must rise"),
         (("--limit", "0.015"), "1:6000", "at most 400"),
-        (("--limit", "0.015", "--ratio", "1.5"), "30:40", "--ratio 1.5: must be 0.05"),
+        (("--limit", "0.015", "--ratio", "1.5"), "30:40", "did you mean 1.5 %"),
+        (("--limit", "0.015", "--ratio", "0.01"), "30:40", "--ratio 0.01: must be 0.05"),
         ((), "30:40", "--limit or --rim-distance is needed"),
     ],
 )

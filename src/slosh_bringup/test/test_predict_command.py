@@ -183,6 +183,14 @@ def test_of_a_tray_the_worst_container_is_named(capsys, tmp_path):
     assert "a tray of containers" in capsys.readouterr().err
 
 
+def answer(words):
+    """Runs the command; returns its exit code, also where an option cannot be read."""
+    try:
+        return main(words)
+    except SystemExit as stop:
+        return stop.code
+
+
 def test_limits_for_a_gantry_are_numbers_and_lines_of_a_protocol(capsys, tmp_path):
     assert main(["predict", MODEL, "--limit", "0.01", "--gantry", "5", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -193,10 +201,24 @@ def test_limits_for_a_gantry_are_numbers_and_lines_of_a_protocol(capsys, tmp_pat
     assert f"protocol.delay(seconds={math.ceil(found['wait'])})" in said
     for words, told in (
         (["--gantry", "-3"], "--gantry -3: an acceleration above 0 is needed"),
+        (["--gantry", "5000"], "did you mean 5000 mm/s2, 5?"),
+        (["--gantry", "300mm/s"], "unknown unit 'mm/s'"),
+        (["--gantry", "--plot", "a.png"], "--output, --plot and --page do not go with it"),
+        (["--gantry", "--mae", "0.006"], "the model's error, 12 mm (2 MAE), is not below"),
         ([], "missing: TRAJECTORY; slosh help predict"),
     ):
-        assert main(["predict", MODEL, "--limit", "0.01", *words]) == 2
+        assert answer(["predict", MODEL, "--limit", "0.01", *words]) == 2
         assert told in capsys.readouterr().err
+
+
+def test_limits_for_a_gantry_count_the_models_error_and_the_lower_limit(capsys):
+    def told(*words):
+        assert main(["predict", MODEL, "--limit", "10mm", "--gantry", *words]) == 0
+        return capsys.readouterr().out
+
+    assert "below 10 mm" in told("--residual", "20mm")
+    sure, unsure = (json.loads(told("--json", *words)) for words in ([], ["--epsilon", "0.2"]))
+    assert unsure["acceleration"] == pytest.approx(sure["acceleration"] / 1.2, rel=0.02)
 
 
 def test_a_cup_that_slides_is_named_and_fails(capsys, tmp_path):

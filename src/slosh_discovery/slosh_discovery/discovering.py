@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
 from slosh_base.files import check_outside, write_text
 from slosh_discovery.discover.finding import Finding, SeparatingMotion
@@ -216,20 +217,23 @@ def check_paths(data: Sequence[Path], holdout: Sequence[Path], output: Path) -> 
 
 
 def recorded_model(bag: Path) -> Model:
-    """Returns the last model that the estimator used in a bag, or in a folder's last bag.
+    """Returns the last model that the estimator used in a bag, or in a folder's last that tells.
 
     Raises:
         SloshDiscoveryError: the bag does not tell.
         SloshBagError: it cannot be read.
     """
-    missing = SloshDiscoveryError(f"{bag}: contains no model; give one (--model)")
-    bag = next((path for path in reversed(files_at(bag)) if not is_motion_table(path)), bag)
-    if is_motion_table(bag):
-        raise missing
-    started = settings.latest(recorded_starts(BagReader(bag)), "estimator")
-    if started is None:
-        raise missing
-    return settings.model_of(started)
+    bags = [path for path in files_at(bag) if not is_motion_table(path)]
+    for path in reversed(bags):
+        try:
+            started = settings.latest(recorded_starts(BagReader(path)), "estimator")
+        except SloshBagError:
+            if len(bags) == 1:
+                raise
+            continue  # a bag of a folder that is damaged
+        if started is not None:
+            return settings.model_of(started)
+    raise SloshDiscoveryError(f"{bag}: contains no model; give one (--model)")
 
 
 def part(motions: Motions) -> tuple[Motions, Motions]:

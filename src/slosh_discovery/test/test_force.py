@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from slosh_discovery.errors import SloshDiscoveryError
-from slosh_discovery.force.result import UNITS, likely_unit
+from slosh_discovery.force.result import likely_unit
 from slosh_discovery.force.workflow import identify_force
+from slosh_estimator.sensed.payload import UNITS
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.shapes.rectangle import Rectangle

@@ -42,6 +42,8 @@ PLACED = "accel_placed"
 """Under this name the settings hold the frame of accelerations that transforms place, moving."""
 SINCE = "accel_placed_since"
 """Under this name the settings hold the stamp of the first moving transform used for that [ns]."""
+CHAINED_SINCE = "pose_chained_since"
+"""The same of poses in a frame that moves."""
 APART = "accel_apart"
 """Under this name the settings say that nothing tells how the frame of accelerations turns."""
 LEAST_ARM = 1e-3
@@ -140,7 +142,7 @@ class InputSettings(NamedTuple):
             base=_base(parameters.get(BASE)),
             chained=parameters.get(CHAINED, False),
             placed=parameters.get(PLACED, ""),
-            since_ns=parameters.get(SINCE, 0),
+            since_ns=parameters.get(SINCE, parameters.get(CHAINED_SINCE, 0)),
             apart=parameters.get(APART, False),
         )
 
@@ -241,7 +243,7 @@ class InputSettings(NamedTuple):
         if kind == TRANSFORMS:
             return TransformPoses(world, container)
         if kind == POSE and self.chained:
-            return TransformPoses(world, POSED)
+            return TransformPoses(world, POSED, self.since_ns)
         if kind == ACCEL and self.placed:
             gate = replace(self.gate, chosen=False)
             arm = PoseInput(gate, 0.0, None, world, True, False, "transforms")

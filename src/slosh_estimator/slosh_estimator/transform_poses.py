@@ -6,6 +6,7 @@ what moves is brought to the moments of its slowest link (`slosh_estimator.align
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -38,9 +39,18 @@ class TransformPoses:
 
     Args:
         world, container: names of the frames.
+        since_ns: moving transforms before this stamp are not used [ns]; 0: those before all links
+            of the chain have come, which a recording may hold although a node has not heard them.
+            None: all are used.
+
+    Attributes:
+        since_ns: as given, or as it turned out; 0: links are still missing.
     """
 
-    def __init__(self, world: str, container: str) -> None:
+    def __init__(self, world: str, container: str, since_ns: int | None = None) -> None:
+        self.since_ns = since_ns
+        self._early: deque[tuple[str, int, Values]] = deque(maxlen=TUNING.kept_states)
+        self._is_past = since_ns is None
         self._world, self._container = world.lstrip("/"), container.lstrip("/")
         self._parents: dict[str, str] = {}
         self._fixed: dict[str, Transform] = {}
@@ -68,10 +78,33 @@ class TransformPoses:
             elif child in self._chain and child not in self._fixed:
                 self._newest_ns = max(self._newest_ns, one.stamp_ns)
                 self._since_ns = self._since_ns or one.stamp_ns
-                self._streams.add(child, one.stamp_ns, (*one.position, *one.quaternion))
-                fed = True
+                values = (*one.position, *one.quaternion)
+                fed = self._feed(child, one.stamp_ns, values) or fed
         self._count += not fixed
         return [self._pose(*row) for row in self._streams.rows()] if fed else []
+
+    def _feed(self, child: str, stamp_ns: int, values: Values) -> bool:
+        """Adds a moving transform; returns whether it may complete poses."""
+        if self._is_past or self.since_ns is None:
+            self._streams.add(child, stamp_ns, values)
+            return True
+        if self.since_ns:
+            if stamp_ns >= self.since_ns:
+                self._streams.add(child, stamp_ns, values)
+            # What comes later with an earlier stamp is of a clock that was set back.
+            self._is_past = stamp_ns > self.since_ns + TUNING.set_back_ns
+            return stamp_ns >= self.since_ns
+        self._early.append((child, stamp_ns, values))
+        firsts: dict[str, int] = {}
+        for name, at_ns, _ in self._early:
+            firsts.setdefault(name, at_ns)
+        if not all(one in self._fixed or one in firsts for one in self._chain):
+            return False
+        self.since_ns = max(firsts.values())
+        early, self._early = list(self._early), deque()
+        for one in early:
+            self._feed(*one)
+        return True
 
     def trouble(self, *, rest: bool = False) -> str:
         """Returns in one line why poses are missing or wrong; empty if no reason is known.

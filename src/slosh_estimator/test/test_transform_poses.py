@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from slosh_estimator.timed_pose import TimedPose
 from slosh_estimator.transform_poses import Transform, TransformPoses
 
 MS = 1_000_000
@@ -124,3 +125,40 @@ def test_a_link_that_hangs_on_another_parent_now_is_followed():
     poses.take([link("base", "tool", (0.0, 0.0, 0.5), ms=8)])
     (found,) = poses.take([link("base", "tool", (0.0, 0.0, 0.5), ms=16)])
     assert found.position[2] == 0.5
+
+
+def riding(since_ns: int | None, first: int) -> tuple[TransformPoses, list[TimedPose]]:
+    """Returns the poses on a carriage of who hears only the later messages, from `first` on.
+
+    The carriage's transforms come a message later than the poses, and at half their rate.
+    """
+    poses, found = TransformPoses("world", "cup", since_ns), []
+    for k in range(first, 60):
+        stamp = BEGIN + k * MS
+        turn = (0.0, 0.0, np.sin(1e-3 * k * k), np.cos(1e-3 * k * k))
+        found += poses.take([Transform("carriage", "cup", stamp, (0.01 * k, 0.0, 0.0), turn)])
+        if k % 2 and k > first:
+            place = (0.0, 1e-4 * k * k, 0.0)
+            link = Transform("world", "carriage", stamp - MS, place, (0.0, 0.0, 0.0, 1.0))
+            found += poses.take([link])
+    return poses, found
+
+
+@pytest.mark.parametrize("first", [0, 1, 7, 20])
+def test_who_hears_of_a_chain_later_is_repeated_with_the_stamp_that_it_tells(first: int) -> None:
+    """A recording begins earlier than the node that it is a recording of."""
+    live, heard = riding(0, first)
+    assert live.since_ns
+    _, replayed = riding(live.since_ns, 0)
+    assert heard
+    assert replayed == heard
+    assert first < 2 or riding(0, 0)[1] != heard  # without that stamp it begins earlier
+
+
+def test_a_clock_that_is_set_back_later_is_followed() -> None:
+    poses, found = TransformPoses("world", "cup", 0), []
+    for begin in (10 * BEGIN, BEGIN):
+        for k in range(0, 3000, 10):
+            link = Transform("world", "cup", begin + k * MS, (0.01 * k, 0.0, 0.0), (0, 0, 0, 1.0))
+            found += poses.take([link])
+    assert found[-1].stamp_ns == BEGIN + 2990 * MS

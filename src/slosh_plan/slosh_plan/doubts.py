@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from slosh_base.types import Array
 from slosh_metrics.input_checks.table_checks import InputDoubt, motion_doubts
+from slosh_model.tilt import largest_tilt
 from slosh_plan.planning.waypoints import Waypoints
 from slosh_plan.trajectory import Trajectory
 
@@ -16,7 +18,24 @@ FAST = 20.0
 
 def trajectory_doubts(motion: Trajectory) -> tuple[InputDoubt, ...]:
     """Returns one sentence for each suspected fault of a motion."""
-    return motion_doubts(motion.t, motion.acceleration, motion.attitude, motion.position)
+    found = motion_doubts(motion.t, motion.acceleration, motion.attitude, motion.position)
+    return (*attitude_doubts(motion.attitude), *found)
+
+
+def attitude_doubts(attitude: Array | None) -> tuple[InputDoubt, ...]:
+    """Returns a sentence if a container is turned upside down, as in frames whose z points out.
+
+    Args:
+        attitude: (N, 4) quaternions x, y, z, w, world ← container; None: upright.
+    """
+    tilt = 0.0 if attitude is None else largest_tilt(attitude)
+    if tilt <= 0.5 * np.pi:
+        return ()
+    text = (
+        f"the container is turned upside down (tilted by {np.degrees(tilt):.0f} degrees): z of "
+        "its frame must point up, along its axis; tool frames often point down: add a fixed link"
+    )
+    return (InputDoubt(text),)
 
 
 def path_doubts(path: Waypoints) -> tuple[InputDoubt, ...]:

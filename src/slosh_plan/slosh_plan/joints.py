@@ -10,6 +10,7 @@ import scipy
 
 from slosh_base.types import Array
 from slosh_estimator.robot import Mover, Robot
+from slosh_estimator.tuning import TUNING as ESTIMATOR_TUNING
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.trajectory import PEAK_SPACING, Trajectory, dense
 
@@ -103,6 +104,7 @@ class Arm(Robot):
             if values is not None
         ]  # fmt: skip
         columns[0] = self.joined(joints, columns[0])
+        self._check_range(joints, columns[0], name)
         moments = dense(np.asarray(t, dtype=np.float64), PEAK_SPACING)
         curve = joint_curve(np.asarray(t, dtype=np.float64), columns, name)
         states = [np.asarray(curve(moments, order)) for order in range(3)]
@@ -119,7 +121,8 @@ class Arm(Robot):
             position: (N, J) [rad or m].
         """
         joined = self.joined(joints, position)
-        return [name for k, name in enumerate(joints) if (joined[:, k] != position[:, k]).any()]
+        apart = np.abs(joined - position) > 0.0  # false for what is not a number
+        return [name for name, column in zip(joints, apart.T, strict=True) if column.any()]
 
     def known(self, joints: Sequence[str]) -> list[bool]:
         """Returns which of the joints the robot's description has."""
@@ -316,6 +319,18 @@ class Arm(Robot):
                 raise SloshPlanError(
                     f"{name}: joint {joint!r} carries the container and is missing{held}"
                 )
+
+    def _check_range(self, joints: Sequence[str], position: Array, name: str) -> None:
+        """Raises SloshPlanError if a joint position is far beyond its limits, as degrees are."""
+        limits = self.limits(joints)
+        outside = np.maximum(limits["lower"] - position, position - limits["upper"])
+        if len(outside) and outside.max() > ESTIMATOR_TUNING.beyond_limits:
+            row, place = map(int, np.unravel_index(int(np.argmax(outside)), outside.shape))
+            raise SloshPlanError(
+                f"{name}: joint {joints[int(place)]!r} reaches {position[row, place]:.6g}, far outside "
+                f"its limits, {limits['lower'][place]:.6g} to {limits['upper'][place]:.6g}: "
+                "positions must be in rad and m, not in degrees and mm"
+            )
 
     def _moved(
         self, t: Array, joints: Sequence[str], states: Sequence[Array], name: str

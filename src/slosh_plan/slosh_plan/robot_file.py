@@ -39,6 +39,14 @@ class CarryingRobot:
     given: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     group: Group | None = None
 
+    @property
+    def doubt(self) -> str:
+        """Names joints with given limits that the description lacks; empty if there are none."""
+        names = list(self.given)
+        strange = [one for one, known in zip(names, self.arm.known(names), strict=True)
+                   if not known]  # fmt: skip
+        return f"joint limits of {', '.join(strange)}: no such joint in the URDF" * bool(strange)
+
     def limits(self, joints: Sequence[str]) -> JointLimits:
         """Returns the limits of the named joints."""
         return limits_of(self.arm, joints, self.given)

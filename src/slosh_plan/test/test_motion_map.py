@@ -123,7 +123,7 @@ def program(text):
             "TRUNC": int,
             "DINT_TO_LREAL": float,
             "Speed": speed,
-            "Time": time,
+            "Elapsed": time,
         }
         exec(code, names)
         return names

@@ -15,7 +15,7 @@ class PlcTuning:
     period: float = number(0.1, "s", "time between two updates of OPC UA and MQTT")
     retry: float = number(2.0, "s", "time between two attempts to reach an MQTT broker")
     keep_alive: int = number(1, "s", "keep-alive time that an MQTT broker is told")
-    starting: float = number(60.0, "s", "longest time that the servers may take to start")
+    starting: float = number(240.0, "s", "longest time that the servers may take to start")
     expiring: float = number(30.0, "day", "rest of a certificate's time that is reported")
 
 

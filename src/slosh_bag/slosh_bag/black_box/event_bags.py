@@ -281,7 +281,12 @@ def _named(folder: Path) -> list[Path]:
     """Returns the folders that have an event bag's name."""
     if not folder.is_dir():
         return []
-    return [one for one in folder.iterdir() if one.is_dir() and _NAME.fullmatch(one.name)]
+    return [one for one in folder.iterdir() if one.is_dir() and has_event_name(one)]
+
+
+def has_event_name(folder: Path) -> bool:
+    """Returns whether a folder is named as an event bag, such as 0012_limit."""
+    return _NAME.fullmatch(folder.name) is not None
 
 
 def _holds_data(bag: Path) -> bool:

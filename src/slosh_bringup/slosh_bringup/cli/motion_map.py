@@ -14,7 +14,7 @@ from slosh_base.files import new_folder, write_text
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli import quantities
 from slosh_bringup.cli.progress import share_bar
-from slosh_bringup.cli.quantities import HEIGHT
+from slosh_bringup.cli.quantities import FRACTION, HEIGHT
 from slosh_bringup.cli.rim_option import add_rim_distance
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.model_text import read_model
@@ -28,6 +28,8 @@ from slosh_plan.planning.limits import ACCELERATION, JERK, RESIDUAL, PlanLimits
 TABLE, BLOCK, PAGE = "map.csv", "stroke.st", "report.html"
 EXIT_ENDS = 1
 SPEEDS = 0.1, 6000.0
+SHORTEST = 1e-4
+"""Stroke for which laws are sought [m]."""
 EPILOG = """In each cycle the container moves by the stroke along its x axis during a share of the
 cycle (--ratio) and rests in what remains. For each speed the law with the lowest wave is found. A
 controller interpolates between the speeds; interpolated laws are simulated, too, over many cycles.
@@ -51,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--speeds", type=speeds, required=True, metavar="FROM:TO[:STEP]",
-        help="speeds of the machine [1/min]; the step is 1 by default",
+        help="speeds of the machine, in cycles by time [1/min]; the step is 1 by default",
     )  # fmt: skip
     parser.add_argument(
         "--limit", type=HEIGHT, metavar="M",
@@ -63,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="largest allowed height during the dwell [m] (default: half of --limit)",
     )  # fmt: skip
     parser.add_argument(
-        "--ratio", type=float, default=0.4, metavar="B",
+        "--ratio", type=FRACTION, default=0.4, metavar="B",
         help="share of the cycle in which the container moves (default: 0.4)",
     )  # fmt: skip
     parser.add_argument(
@@ -82,18 +84,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def speeds(text: str) -> list[float]:
-    """Parses speeds such as `20:60` or `20:60:5` (lowest, highest, step) [1/min].
+    """Parses speeds such as `20:60`, `20:60:5` or `0.5Hz:1Hz` (lowest, highest, step) [1/min].
 
     Raises:
-        argparse.ArgumentTypeError: not two or three numbers, or impossible speeds.
+        argparse.ArgumentTypeError: not two or three numbers with or without a unit of cycles by
+            time, or impossible speeds.
     """
-    try:
-        low, high, *rest = (float(part) for part in text.split(":"))
-        (step,) = rest or [1.0]
-    except ValueError:
+    parts = text.split(":")
+    if len(parts) not in (2, 3):
+        one = "; for one speed give a range that contains it" if len(parts) == 1 else ""
         raise argparse.ArgumentTypeError(
-            f"{text!r:.60} is not FROM:TO or FROM:TO:STEP, such as 20:60"
-        ) from None
+            f"{text!r:.60} is not FROM:TO or FROM:TO:STEP, such as 20:60{one}"
+        )
+    low, high, step = (quantities.SPEED(part) for part in [*parts, "1"][:3])
     least, most = SPEEDS
     if not (least <= low < high <= most and 0.0 < step <= high - low):
         raise argparse.ArgumentTypeError(
@@ -109,6 +112,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Finds the time laws of the strokes, writes the result folder and prints a summary."""
     if not 0.05 <= arguments.ratio <= 1.0:
         raise SloshBringupError(f"--ratio {arguments.ratio:g}: must be 0.05 … 1")
+    if not arguments.stroke >= SHORTEST:
+        raise SloshBringupError(
+            f"--stroke {arguments.stroke:g}: must be {SHORTEST:g} m or more; the direction "
+            "does not matter"
+        )
     model = read_model(arguments.model)
     limit = arguments.limit
     if limit is None:

@@ -124,6 +124,8 @@ def _of_joints(arguments: argparse.Namespace, model: Model, tell: Teller) -> Ask
                if not has]  # fmt: skip
     for remark in _remarks(unknown, robot.limits(given.names).acceleration, given.names):
         tell(f"{name}: {remark}")
+    if robot.doubt:
+        tell(f"{arguments.joint_limits}: {robot.doubt}")
     held = robot.held(given.names)
     if held:
         tell(f"{name}: {', '.join(held)}: not in the group {arguments.group}, held at 0")

@@ -183,10 +183,14 @@ def _gantry(arguments: argparse.Namespace, tray: Tray, limits: HeightLimits) -> 
     """Prints the limits of a machine whose strokes are not known."""
     if arguments.trajectories or tray.is_tray:
         raise SloshBringupError("--gantry: needs the model of one container, and no TRAJECTORY")
+    if arguments.output or arguments.plot or arguments.page:
+        raise SloshBringupError("--gantry: prints its limits; --output, --plot and --page do not "
+                                "go with it")  # fmt: skip
     machine = None if math.isnan(arguments.gantry) else arguments.gantry
     if machine is not None and not 0.0 < machine < math.inf:
         raise SloshBringupError(f"--gantry {machine:g}: an acceleration above 0 is needed")
-    print(gantry_text(tray.first.model, limits, machine, as_json=arguments.json))
+    error = ModelError(arguments.sigma, arguments.epsilon)
+    print(gantry_text(tray.first.model, limits, machine, error, as_json=arguments.json))
     return 0
 
 

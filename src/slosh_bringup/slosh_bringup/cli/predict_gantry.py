@@ -7,8 +7,9 @@ import math
 from dataclasses import asdict
 
 from slosh_model.model import Model
-from slosh_plan.gantry import GantryLimits, gantry_limits
+from slosh_plan.gantry import FASTEST, GantryLimits, gantry_limits
 from slosh_plan.limits import HeightLimits
+from slosh_plan.prediction import ModelError
 from slosh_report.json_values import plain
 
 RESIDUAL = 1e-3
@@ -16,7 +17,12 @@ RESIDUAL = 1e-3
 
 
 def gantry_text(
-    model: Model, limits: HeightLimits, machine: float | None, *, as_json: bool
+    model: Model,
+    limits: HeightLimits,
+    machine: float | None,
+    error: ModelError,
+    *,
+    as_json: bool,
 ) -> str:
     """Finds the limits of a machine's axes and describes them.
 
@@ -24,10 +30,12 @@ def gantry_text(
         model: of the container and its liquid.
         limits: of the height in a stroke, and after it.
         machine: acceleration of each axis that the machine has [m/s²]; None: it can be set.
+        error: of the model, whose heights keep the limits with their intervals.
         as_json: whether to describe them as JSON in SI units.
     """
-    quiet = limits.residual if math.isfinite(limits.residual) else RESIDUAL
-    kept = HeightLimits(limits.height, quiet, rim_distance=limits.rim_distance)
+    limits = limits.under_rim(model)
+    quiet = min(limits.residual if math.isfinite(limits.residual) else RESIDUAL, limits.height)
+    kept = HeightLimits(error.highest(limits.height), error.highest(quiet))
     found = gantry_limits(model, kept, machine)
     if as_json:
         return json.dumps(plain(asdict(found)))
@@ -42,8 +50,9 @@ def _lines(found: GantryLimits, quiet: float) -> list[str]:
         f"  wait {found.wait:.1f} s after a stroke until the liquid is below {1e3 * quiet:.3g} mm",
     ]
     if math.isfinite(found.speed):
+        most = "any speed" if found.speed >= FASTEST else f"speed up to {found.speed:.3g} m/s"
         lines += [
-            f"  at the machine's own acceleration: speed up to {found.speed:.3g} m/s",
+            f"  at the machine's own acceleration: {most}",
             "Opentrons protocol (its acceleration is fixed):",
             f"  pipette.default_speed = {math.floor(1e3 * found.speed)}  # mm/s",
             f"  protocol.delay(seconds={math.ceil(found.wait)})",

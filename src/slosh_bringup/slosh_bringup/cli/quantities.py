@@ -116,8 +116,13 @@ FRACTION = Quantity("", {"%": 1e-2}, "%", most=1.0)
 PERCENT = Quantity("%", {"%": 1.0})
 RATE = Quantity("Hz", {"Hz": 1.0, "kHz": 1e3, "/s": 1.0})
 SPEED = Quantity("/min", {"/min": 1.0, "1/min": 1.0, "rpm": 1.0, "Hz": 60.0})
-ACCELERATION = Quantity("m/s2", {"mm/s2": 1e-3, "mm/s²": 1e-3, "m/s2": 1.0, "m/s²": 1.0, "g": _G})
-JERK = Quantity("m/s3", {"mm/s3": 1e-3, "mm/s³": 1e-3, "m/s3": 1.0, "m/s³": 1.0})
+ACCELERATION = Quantity("m/s2",
+    {"mm/s2": 1e-3, "mm/s²": 1e-3, "m/s2": 1.0, "m/s²": 1.0, "g": _G},
+    "mm/s2", most=500.0,
+)  # fmt: skip
+JERK = Quantity("m/s3",
+    {"mm/s3": 1e-3, "mm/s³": 1e-3, "m/s3": 1.0, "m/s³": 1.0}, "mm/s3", most=20_000.0,
+)  # fmt: skip
 DENSITY = Quantity("kg/m3", {"kg/m3": 1.0, "kg/m³": 1.0, "g/cm3": 1e3, "g/cm³": 1e3})
 VISCOSITY = Quantity("m2/s",
     {"mm2/s": 1e-6, "mm²/s": 1e-6, "cSt": 1e-6, "cm2/s": 1e-4, "m2/s": 1.0, "m²/s": 1.0},

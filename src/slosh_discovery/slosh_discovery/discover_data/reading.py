@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.black_box.black_box import EVENTS
+from slosh_bag.black_box.event_bags import has_event_name
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_folder import import_hint
 from slosh_bag.reader import BagReader
@@ -125,7 +126,9 @@ def day_motions(
 
 
 def _is_of_event(path: Path) -> bool:
-    """Returns whether a path is a bag that the recorder wrote around an event."""
+    """Returns whether a path is a bag that the recorder wrote around an event; it may be cut."""
+    if has_event_name(path) or has_event_name(path.parent):
+        return True
     try:
         return not is_motion_table(path) and EVENTS in BagReader(path).metadata()
     except SloshBagError:

@@ -16,6 +16,7 @@ from slosh_estimator.gate import SampleVerdict
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import (
     APART,
+    CHAINED_SINCE,
     MESSAGE_TYPES,
     MOUNTED,
     POSED,
@@ -277,10 +278,17 @@ class HeardInput:
         qx, qy, qz, qw = turn
         place, quaternion = (x, y, z), (qx, qy, qz, qw)
         if isinstance(self.poses, TransformPoses):
-            found = self.poses.take([Transform(frame, POSED, stamp, place, quaternion)])
-            self._on_poses(found, self._world)
+            self._on_chained(self.poses, [Transform(frame, POSED, stamp, place, quaternion)])
         else:
             self._on_poses([TimedPose(stamp, place, quaternion)], frame)
+
+    def _on_chained(self, poses: TransformPoses, links: list[Transform]) -> None:
+        """Processes links of the chain that leads from the world to the container's poses."""
+        before = poses.since_ns
+        found = poses.take(links)
+        if poses.since_ns and poses.since_ns != before:  # what a replay must know
+            self._mounted({CHAINED_SINCE: poses.since_ns})
+        self._on_poses(found, self._world)
 
     def _on_odometry(self, message: Any) -> None:
         q, twist = message.pose.pose.orientation, message.twist.twist
@@ -305,8 +313,11 @@ class HeardInput:
 
     def _on_transforms(self, message: Any, *, fixed: bool) -> None:
         assert isinstance(self.poses, TransformPoses)
-        found = self.poses.take(map(_transform, message.transforms), fixed=fixed)
-        self._on_poses(found, self._world)
+        links = [_transform(one) for one in message.transforms]
+        if fixed:
+            self._on_poses(self.poses.take(links, fixed=True), self._world)
+        else:
+            self._on_chained(self.poses, links)
 
     def _on_poses(self, poses: list[TimedPose], frame: str) -> None:
         assert isinstance(self.source, PoseInput)

@@ -195,14 +195,14 @@ def _why(speed: float, row: MapRow | None, limits: PlanLimits) -> str:
     """Describes in words which limit is exceeded at a speed."""
     if row is None:
         return (
-            f"at {speed:g}/min the stroke needs more than {limits.acceleration:g} m/s² or "
+            f"at {speed:.4f}/min the stroke needs more than {limits.acceleration:g} m/s² or "
             f"{limits.jerk:g} m/s³"
         )
     found = row.found
     if found.excess(limits) <= 0.0:
-        return f"below {speed:g}/min no laws were found that can be interpolated"
+        return f"below {speed:.4f}/min no laws were found that can be interpolated"
     return (
-        f"at {speed:g}/min the lowest wave has {1e3 * found.peak:.1f} of "
-        f"{1e3 * limits.height:.4g} mm, in the dwell {1e3 * found.residual:.1f} of "
+        f"at {speed:.4f}/min the lowest wave has {1e3 * found.peak:.2f} of "
+        f"{1e3 * limits.height:.4g} mm, in the dwell {1e3 * found.residual:.2f} of "
         f"{1e3 * limits.residual:.4g} mm"
     )

@@ -39,8 +39,8 @@ def structured_text(found: MotionMap) -> str:
     every = _all(found)
     rows, segments, _ = every.shape
     last = rows * segments * POWERS - 1
-    speeds = ", ".join(f"{row.speed!r}" for row in found.rows)
-    numbers = _lines([f"{value!r}" for value in every.ravel().tolist()])
+    speeds = ", ".join(_real(row.speed) for row in found.rows)
+    numbers = _lines([_real(value) for value in every.ravel().tolist()])
     ratio = MINUTE * found.stroke.ratio
     height, residual = found.limits.height, found.limits.residual
     low, high = found.rows[0].speed, found.rows[-1].speed
@@ -51,7 +51,7 @@ def structured_text(found: MotionMap) -> str:
 FUNCTION_BLOCK {BLOCK}
 VAR_INPUT
     Speed : LREAL; (* of the machine [1/min] *)
-    Time : LREAL; (* since the start of the cycle [s] *)
+    Elapsed : LREAL; (* since the start of the cycle [s] *)
 END_VAR
 VAR_OUTPUT
     Position : LREAL; (* in the stroke [m] *)
@@ -62,7 +62,7 @@ END_VAR
 VAR CONSTANT
     LastRow : DINT := {rows - 1};
     Segments : DINT := {segments};
-    Count : LREAL := {float(segments)!r}; (* the same *)
+    Count : LREAL := {_real(float(segments))}; (* the same *)
     Next : DINT := {segments * POWERS}; (* from a row to the next one *)
     Speeds : ARRAY[0..{rows - 1}] OF LREAL := [{speeds}];
     Coefficients : ARRAY[0..{last}] OF LREAL := [
@@ -85,8 +85,8 @@ IF Valid THEN
         Row := Row + 1;
     END_WHILE;
     Share := (Speed - Speeds[Row]) / (Speeds[Row + 1] - Speeds[Row]);
-    Pace := Count * Speed / {ratio!r};
-    Place := LIMIT(0.0, Time * Pace, Count);
+    Pace := Count * Speed / {_real(ratio)};
+    Place := LIMIT(0.0, Elapsed * Pace, Count);
     Segment := LIMIT(0, TRUNC(Place), Segments - 1);
     Place := Place - DINT_TO_LREAL(Segment);
     Position := 0.0;
@@ -109,6 +109,12 @@ END_FUNCTION_BLOCK
 def _all(found: MotionMap) -> Array:
     """Returns the coefficients of the position [m] by row, segment and power."""
     return found.stroke.length * np.array([row.profile.coefficients() for row in found.rows])
+
+
+def _real(value: float) -> str:
+    """Formats a real literal of IEC 61131-3, which has a point also before an exponent."""
+    digits, mark, exponent = f"{value!r}".partition("e")
+    return f"{digits}{'' if '.' in digits else '.0'}{mark}{exponent}"
 
 
 def _lines(numbers: list[str]) -> str:

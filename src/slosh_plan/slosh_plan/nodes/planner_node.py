@@ -93,6 +93,8 @@ class PlannerNode(PreparedNode):
         self._values = values = declare(self, PARAMETERS)
         self._tray = read_tray(values["model"])
         self._robot = robot_of(values)
+        if self._robot is not None and self._robot.doubt:
+            self.get_logger().warning(self._robot.doubt)
         self._settings = SettingsPublisher(
             self, sources_digest(*SOURCES), arithmetic_fingerprint(), values, (topics.ESTIMATE,)
         )

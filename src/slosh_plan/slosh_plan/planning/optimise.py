@@ -57,7 +57,7 @@ class LegGuess:
     @property
     def tilts(self) -> bool:
         """Whether the container tilts."""
-        return self.controls.shape[1] > 1
+        return len(self.controls[0]) > 1
 
     def slowed(self, factor: float) -> LegGuess:
         """Returns the motion slowed by a factor; the liquid stays as it was."""
