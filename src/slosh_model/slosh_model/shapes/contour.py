@@ -182,8 +182,8 @@ def check_simple(pieces: Sequence[Piece], key: str, *, closed: bool) -> None:
     # Not of the lines that begin or end at the point.
     after = np.subtract.outer(np.arange(count), np.arange(count))
     touching = _on_lines(a, d) & (apart > 0) & (after % count != 1 if closed else after != 1)
-    for places, what in ((crossing, "crosses"), (touching, "touches")):
-        found = np.argwhere(places)
+    for where, what in ((crossing, "crosses"), (touching, "touches")):
+        found = np.argwhere(where)
         if len(found):
             x, y = a[found[0, 0]].tolist()
             raise SloshModelError(f"{key} {what} itself near ({x:.4g}, {y:.4g}) m")
