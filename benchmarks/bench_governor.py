@@ -1,4 +1,4 @@
-"""Measures the governor's processor time per step, on one core.
+"""Cost of a step of the governor, on one core.
 
     tools/run python benchmarks/bench_governor.py [--streams 20]
 
@@ -37,13 +37,13 @@ EVERY = 0.01
 
 
 def one_cup(rng: np.random.Generator) -> Load:
-    """Draws the load of a stream of `governor.py`."""
+    """Draws one container and its commands, as the study of the governor does."""
     model, limits, commands = drawn(rng)
     return Load(Tray((TrayContainer("", model),)), limits, commands)
 
 
 def step_times(load: Load, period: float, *, observed: bool) -> list[float]:
-    """Returns the processor time of each governor step for a load's commands [s]."""
+    """Returns the processor time of each governor step for the commands of a load [s]."""
     governor = Governor(load.tray, load.limits, period=period, arm=load.arm)
     still, found = np.zeros((governor.model.modes, 4)), []
     for step in range(round(len(load.commands) * PERIOD / period)):
@@ -63,7 +63,7 @@ CASES = {"one cup": one_cup, **LOADS}
 
 
 def main() -> int:
-    """Measures and prints step times; returns 1 if the limit is exceeded."""
+    """Runs the command; returns its exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--streams", type=int, default=20)
     streams = range(parser.parse_args().streams)

@@ -1,4 +1,4 @@
-"""Compares emergency stops that respect the liquid with stops that do not.
+"""Write the table of emergency stops: time, distance and height beside a stop without the liquid.
 
     tools/run python validation/studies/emergency_stop.py [--runs 100] [--half 1] [--workers 1]
 
@@ -50,7 +50,7 @@ TURN = PERIOD * SECOND
 
 
 def moving(seed: int) -> tuple[Governor, list[Governed], np.random.Generator] | None:
-    """Returns a governor in the middle of a random motion; None if it is too slow."""
+    """A governor in the middle of a stream; None: it does not move fast enough."""
     rng = np.random.default_rng(seed)
     stream = drawn(rng)
     governor, told = Governor(stream.model, stream.limits, period=PERIOD), []
@@ -62,7 +62,7 @@ def moving(seed: int) -> tuple[Governor, list[Governed], np.random.Generator] | 
 
 
 def stop_of(governor: Governor, told: list[Governed], way: str) -> Array:
-    """Returns the acceleration (N, 3) [m/s²] of a stop by a given method.
+    """(N, 3) acceleration of a stop at the governor's rate [m/s²].
 
     Raises:
         NoSafeStopError: there is none.
@@ -108,7 +108,7 @@ def run_joints(way: str, seed: int) -> tuple[float, float, float, float]:
 
 
 def run(way: str, seed: int) -> tuple[float, float, float, float]:
-    """Simulates one stop; returns time [s], distance [m], height and joints over their limits.
+    """Simulates one stop; returns time [s], distance [m], height and joint use, 1 at a limit.
 
     NaN: not moving, or no stop.
     """
@@ -130,7 +130,7 @@ def run(way: str, seed: int) -> tuple[float, float, float, float]:
 
 
 def row(way: str, runs: Array) -> str:
-    """A row of the table from (N, 4) of `run`."""
+    """Formats the results of many stops (N, 4) as a table row."""
     none = np.isinf(runs[:, 2])
     time, distance, height, joints = runs[np.isfinite(runs).all(axis=1)].T
     return (
@@ -141,7 +141,7 @@ def row(way: str, runs: Array) -> str:
 
 
 def main() -> int:
-    """Simulates the stops and writes the table; returns the exit code."""
+    """Runs the command; returns its exit code."""
     rows = [(partial(run, way), partial(row, way)) for way in WAYS]
     rows += [(partial(run_joints, way), partial(row, way)) for way in JOINT_WAYS]
     return write_table(__doc__, "stops", HEAD, rows, PAGE)

@@ -156,8 +156,8 @@ def unregarded(load: Load, commands: Array, before: Moves | None = None) -> Move
         if load.arm is not None:
             own = load.arm.limits
             limits = replace(limits, acceleration=own.acceleration[k], jerk=own.jerk[k])
-        begin: list[list[float]] = [one[part].tolist() for one in last]
-        found.append(tracked(commands[:, part], limits, *begin))
+        velocity, acceleration = (one[part].tolist() for one in last)
+        found.append(tracked(commands[:, part], limits, velocity, acceleration))
     count = max(len(acceleration) for _, acceleration in found)
     columns = [
         np.concatenate(

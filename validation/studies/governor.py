@@ -1,4 +1,4 @@
-"""Measures the heights that the governor allows under random commands and wrong models.
+"""Write the table of the governor: heights under random commands with wrong models.
 
     tools/run python validation/studies/governor.py [--runs 5000] [--half 1] [--workers 1]
 
@@ -46,7 +46,7 @@ HEAD = (
 
 
 class Stream(NamedTuple):
-    """A cup with its limits, and a stream of commanded velocities."""
+    """A cup with its limit, and what is commanded."""
 
     model: Model
     limits: PlanLimits
@@ -54,7 +54,7 @@ class Stream(NamedTuple):
 
 
 def drawn_cup(rng: np.random.Generator) -> tuple[Model, float]:
-    """Draws a container's model, and a limit of its height [m]."""
+    """Draws a model of a container, and a limit of its height [m]."""
     if rng.random() < 0.7:
         radius = rng.uniform(0.03, 0.06)
         size = radius
@@ -102,7 +102,7 @@ def drawn_commands(rng: np.random.Generator, scale: Array, jitter: float, period
 
 
 def other(model: Model, frequency: float, damping: float) -> Model:
-    """Returns the model with another frequency and damping, as the true liquid."""
+    """The model of a liquid that differs."""
     first = model.mode_constants()[0]
     return replace(
         model,
@@ -114,7 +114,7 @@ def other(model: Model, frequency: float, damping: float) -> Model:
 def governed(
     stream: Stream, limits: PlanLimits, truth: Model | None, rng: np.random.Generator
 ) -> tuple[Array, Array, Array]:
-    """Runs the governor; returns velocities and accelerations (N, 3), and stated margins."""
+    """(N, 3) velocities, accelerations and (N,) stated margins of a stream and its stop."""
     governor = Governor(stream.model, limits, period=PERIOD)
     liquid = None if truth is None else Simulator(truth)
     error = np.zeros(4)
@@ -153,7 +153,7 @@ def tracked(
     velocity: Sequence[float] = (0.0, 0.0, 0.0),
     acceleration: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> tuple[Array, Array]:
-    """Follows commands within acceleration and jerk only; returns velocities and accelerations.
+    """(N, 3) velocities and accelerations that follow commands and stop at their end.
 
     They keep acceleration and jerk alone; what is no number is a stop.
     """
@@ -174,7 +174,7 @@ def tracked(
 
 
 def highest(models: list[Model], acceleration: Array) -> float:
-    """Returns the maximum height [m] that a motion causes in several liquids."""
+    """The highest height of a motion over all liquids, sampled every 2 ms [m]."""
     rest = np.zeros((round(WATCHED / PERIOD), 3))
     rows = np.concatenate([np.zeros((1, 3)), acceleration, rest])
     t: Array = PERIOD * np.arange(len(rows), dtype=np.float64)
@@ -185,7 +185,7 @@ def highest(models: list[Model], acceleration: Array) -> float:
 
 
 def delays(commands: Array, velocity: Array) -> float:
-    """Returns the median time [s] to 90 % of a lasting velocity change; NaN if none lasts."""
+    """Median time until 90 % of a changed velocity that lasts [s]; NaN: there is none."""
     found = []
     with np.errstate(invalid="ignore"):
         steps = np.linalg.norm(np.diff(commands, axis=0), axis=1)
@@ -203,7 +203,7 @@ def delays(commands: Array, velocity: Array) -> float:
 
 
 def run(observed: bool, seed: int) -> tuple[float, ...]:
-    """Simulates one stream; returns heights relative to the limit, delays [s] and margin."""
+    """Highest height over the limit, governed and not; delays [s]; margin over the limit."""
     rng = np.random.default_rng(seed)
     stream = drawn(rng)
     pairs = [
@@ -223,7 +223,7 @@ def run(observed: bool, seed: int) -> tuple[float, ...]:
 
 
 def row(observed: bool, runs: Array) -> str:
-    """Formats the results of many streams (N, 6) as a table row."""
+    """A row of the table from (N, 6) of `run`."""
     peak, blind, delay, free, margin, liquids = runs.T
     steps = np.isfinite(delay) & np.isfinite(free)
     above = np.mean(blind > 1.0)
@@ -237,7 +237,7 @@ def row(observed: bool, runs: Array) -> str:
 
 
 def main() -> int:
-    """Simulates the streams and writes the table; returns the exit code."""
+    """Runs the command; returns its exit code."""
     rows = [(partial(run, observed), partial(row, observed)) for observed in (False, True)]
     return write_table(__doc__, "governor", HEAD, rows, PAGE)
 

@@ -101,7 +101,7 @@ def _highest(heights, count, end, run, mode):  # type: ignore[no-untyped-def]
     """
     beating = run["cornered"] != 0.0 or mode["frequency_ratio"] != 1.0 or mode["along_x"] != 0.0
     top = last_x = last_y = 0.0
-    if not beating and run["corner_count"] == 0.0:  # a round wall, by far the quickest
+    if not beating and run["corner_count"] == 0.0:
         for row in range(1, count):
             square = heights[row, 0] * heights[row, 0] + heights[row, 1] * heights[row, 1]
             top = max(top, square) if square == square else math.inf
@@ -141,7 +141,7 @@ def _displacements(store, heights, felt, count, placed):  # type: ignore[no-unty
 
 @compiled
 def _curvature(intervals, count, weights):  # type: ignore[no-untyped-def]
-    """Writes by which three neighbours in time the second derivative is told."""
+    """Writes the weights of three neighbours in time that give the second derivative."""
     for row in range(1, count - 1):
         before, behind = intervals[row - 1], intervals[row]
         weights[row, 0] = 2.0 / (before * (before + behind))
@@ -150,29 +150,35 @@ def _curvature(intervals, count, weights):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _pressures(felt, count, pressing):  # type: ignore[no-untyped-def]
-    """Writes what presses the container on its tray, and its inverse square; 0: it lifts off."""
+def _pressures(felt, axes, count, pushing, pressing):  # type: ignore[no-untyped-def]
+    """Writes what accelerates a container on its tray, and what presses it on.
+
+    Args:
+        felt: (rows, 3) the acceleration at the centre of mass [m/s²].
+        axes: azimuth of the first mode's axes [rad].
+        count: of the rows.
+        pushing: (rows, 2) receives the horizontal acceleration in the axes of the mode.
+        pressing: (rows, 2) receives the vertical one with gravity, and its inverse square; 0: the
+            container lifts off.
+    """
     for row in range(count):
         force = felt[row, 2] + GRAVITY
+        pushing[row, 0], pushing[row, 1] = turned(felt[row, 0], felt[row, 1], axes)
         pressing[row, 0] = force
         pressing[row, 1] = 1.0 / (force * force) if force > LEAST else 0.0
 
 
 @compiled
-def _standing(cup, placed, felt, axes, weights, pressing, count):  # type: ignore[no-untyped-def]
-    """Returns the largest shares of friction and base that a lane uses; see `standing_use`.
-
-    All is added in the axes of the mode, `axes` [rad] away from the container's.
-    """
+def _standing(cup, placed, pushing, weights, pressing, count):  # type: ignore[no-untyped-def]
+    """Returns the largest shares of friction and base that a lane uses; see `standing_use`."""
     slip = tip = 0.0
     for row in range(1, count - 1):
         force, inverse = pressing[row, 0], pressing[row, 1]
         if inverse == 0.0:
             return math.inf, math.inf
         lateral = moment = 0.0
-        pushed = turned(felt[row, 0], felt[row, 1], axes)
         for k in range(2):
-            q, mass, push = placed[row, k], cup[MASS_X + k], pushed[k]
+            q, mass, push = placed[row, k], cup[MASS_X + k], pushing[row, k]
             change = weights[row, 0] * placed[row - 1, k] + weights[row, 1] * q
             change += weights[row, 2] * placed[row + 1, k]
             slides = push + mass * change
@@ -214,7 +220,8 @@ def add_uses(stores, cup, driven, which, ends, intervals, count, settings, uses)
     runs, modes = records(stores[0, : int(cup[SIZE])])
     loose = cup[FRICTION] > 0.0
     tops, slips, tips = np.zeros(MODELS), np.zeros(MODELS), np.zeros(MODELS)
-    placed, pressing = np.empty((count, 2)), np.empty((count, 2))
+    placed, pushing = np.empty((count, 2)), np.empty((count, 2))
+    pressing = np.empty((count, 2))
     weights = np.empty((count, 3))
     if loose:
         _curvature(intervals, count, weights)
@@ -222,7 +229,7 @@ def add_uses(stores, cup, driven, which, ends, intervals, count, settings, uses)
         candidate = which[one]
         pressed = driven[candidate, int(cup[MASS_POINT])]
         if loose:
-            _pressures(pressed, count, pressing)
+            _pressures(pressed, runs[0]["axes"], count, pushing, pressing)
         for model in range(MODELS):
             lane = heights[one * MODELS + model]
             tops[model] = _highest(lane, count, ends[candidate], runs[0], modes[0])
@@ -230,7 +237,7 @@ def add_uses(stores, cup, driven, which, ends, intervals, count, settings, uses)
                 store = stores[model, : int(cup[SIZE])]
                 _displacements(store, lane, driven[candidate, int(cup[POINT])], count, placed)
                 slips[model], tips[model] = _standing(
-                    cup, placed, pressed, runs[0]["axes"], weights, pressing, count
+                    cup, placed, pushing, weights, pressing, count
                 )
         found = uses[candidate]
         found[PEAK], found[NOMINAL] = _raised(tops, settings) + cup[EXTRA], tops[0]
