@@ -26,6 +26,7 @@ from tqdm import tqdm
 
 from slosh_bag.black_box.black_box import Cause
 from slosh_bag.black_box.event_bags import event_bags, noted_events
+from slosh_bag.errors import SloshBagError
 from slosh_base.files import new_folder
 from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
 from slosh_msgs.msg import SloshComparison
@@ -137,7 +138,11 @@ def report(
         causes = [one.cause for one in noted_events(run.facts.get("events", ""))]
         limits += causes.count(Cause.LIMIT)
         with_limit += Cause.LIMIT in causes
-        found = replay_bag(run).verified
+        try:
+            found = replay_bag(run).verified
+        except SloshBagError as error:
+            differing.append(f"{bag.name}: {error}")
+            continue
         wrong = [f"{bag.name}: {name}" for name in EXACT if not found[name].exact]
         lost = lost_messages(run.facts)
         if wrong and lost:

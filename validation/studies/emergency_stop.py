@@ -1,11 +1,12 @@
-"""Compares emergency stops that respect the liquid with stops that do not.
+"""Write the table of emergency stops: time, distance and height beside a stop without the liquid.
 
     tools/run python validation/studies/emergency_stop.py [--runs 100] [--half 1] [--workers 1]
 
 Cups move by the streams of `governor.py` and are stopped at a random moment, in one of three ways:
 by the governor; by `slosh_plan.stopping.safe_stop` from the state that the governor's model has;
-and without regard to the liquid, as fast as acceleration and jerk allow. The liquid's frequency
-and damping are wrong as there. Rows of medians; *above* counts stops whose height exceeds the
+and without regard to the liquid, as fast as acceleration and jerk allow. *Joints*: those of
+`governed_loads.py`, each as fast as its own limits allow. The liquid's frequency and damping are
+wrong as there. Rows of medians; *above* counts stops whose height exceeds the
 limit, which the motion before kept.
 """
 
@@ -18,6 +19,8 @@ from functools import partial
 
 import numpy as np
 import with_tools  # noqa: F401
+from governed_loads import begun, drawn_pairs, joint_use, moves_of, of_joints, unregarded
+from governed_loads import highest as highest_of
 from governor import COMMANDS, DAMPING, FREQUENCY, PAGE, PERIOD, drawn, highest, other, tracked
 from observer_accuracy import write_table
 
@@ -37,15 +40,17 @@ HEAD = (
     "above",
     "highest, of the limit",
     "none found",
+    "joints, of their limits",
 )
 WAYS = ("governor", "safe_stop", "without the liquid")
+JOINT_WAYS = ("joints: governor", "joints: without the liquid")
 LEAST = 0.1
 """Speed of a container that is stopped [m/s]."""
 TURN = PERIOD * SECOND
 
 
 def moving(seed: int) -> tuple[Governor, list[Governed], np.random.Generator] | None:
-    """Returns a governor in the middle of a random motion; None if it is too slow."""
+    """A governor in the middle of a stream; None: it does not move fast enough."""
     rng = np.random.default_rng(seed)
     stream = drawn(rng)
     governor, told = Governor(stream.model, stream.limits, period=PERIOD), []
@@ -57,7 +62,7 @@ def moving(seed: int) -> tuple[Governor, list[Governed], np.random.Generator] | 
 
 
 def stop_of(governor: Governor, told: list[Governed], way: str) -> Array:
-    """Returns the acceleration (N, 3) [m/s²] of a stop by a given method.
+    """(N, 3) acceleration of a stop at the governor's rate [m/s²].
 
     Raises:
         NoSafeStopError: there is none.
@@ -80,38 +85,65 @@ def stop_of(governor: Governor, told: list[Governed], way: str) -> Array:
     return tracked(np.empty((0, 3)), limits, before.velocity, before.acceleration)[1]
 
 
-def run(way: str, seed: int) -> tuple[float, float, float]:
-    """Simulates one stop; returns time [s], distance [m] and height relative to the limit."""
-    begun = moving(seed)
-    if begun is None:
-        return math.nan, math.nan, 0.0
-    governor, told, rng = begun
+def run_joints(way: str, seed: int) -> tuple[float, float, float, float]:
+    """Simulates one stop of an arm whose joints are commanded; returns the same as `run`."""
+    rng = np.random.default_rng(seed)
+    load = of_joints(rng)
+    governor, told = begun(load, int(rng.integers(50, COMMANDS)))
+    if np.linalg.norm(told[-1].velocity) <= LEAST:
+        return math.nan, math.nan, 0.0, 0.0
+    before = moves_of(load, told)
+    if way == JOINT_WAYS[0]:
+        moves = moves_of(load, told + governor.stopped())
+    else:
+        moves = unregarded(load, np.empty((0, len(load.commands[0]))), before)
+    (pair,) = drawn_pairs(rng, 1)
+    arm = governor.arm
+    assert arm is not None
+    place, _ = arm.arm.poses(arm.limits.names, moves.place[len(before.place) - 1 :])
+    gone = np.linalg.norm(np.diff(place, axis=0), axis=1).sum()
+    count = len(moves.place) - len(before.place)
+    height = highest_of(load, moves, [pair])[0]
+    return count * PERIOD, float(gone), float(height), joint_use(load, moves)
+
+
+def run(way: str, seed: int) -> tuple[float, float, float, float]:
+    """Simulates one stop; returns time [s], distance [m], height and joint use, 1 at a limit.
+
+    NaN: not moving, or no stop.
+    """
+    started = moving(seed)
+    if started is None:
+        return math.nan, math.nan, 0.0, 0.0
+    governor, told, rng = started
     pair = 1.0 + FREQUENCY * rng.uniform(-1.0, 1.0), DAMPING ** rng.uniform(-1.0, 1.0)
     try:
         rows = stop_of(governor, told, way)
     except NoSafeStopError:
-        return math.nan, math.nan, math.inf
+        return math.nan, math.nan, math.inf, 0.0
     past = np.array([one.acceleration for one in told])
     height = highest([other(governor.model, *pair)], np.concatenate([past, rows]))
     before = np.concatenate([past[-1:], rows[:-1]])
     velocity = np.array(told[-1].velocity) + np.cumsum(0.5 * PERIOD * (before + rows), axis=0)
     way_gone = np.linalg.norm(velocity, axis=1).sum() * PERIOD
-    return len(rows) * PERIOD, float(way_gone), height / governor.limits.height
+    return len(rows) * PERIOD, float(way_gone), height / governor.limits.height, 0.0
 
 
 def row(way: str, runs: Array) -> str:
-    """Formats the results of many stops (N, 3) as a table row."""
+    """Formats the results of many stops (N, 4) as a table row."""
     none = np.isinf(runs[:, 2])
-    time, distance, height = runs[np.isfinite(runs).all(axis=1)].T
+    time, distance, height, joints = runs[np.isfinite(runs).all(axis=1)].T
     return (
         f"| {way} | {len(time)} | {np.median(time):.2f} | {1e3 * np.median(distance):.0f} "
-        f"| {100 * np.mean(height > 1.0):.0f} % | {height.max():.2f} | {int(none.sum())} |"
+        f"| {100 * np.mean(height > 1.0):.0f} % | {height.max():.2f} | {int(none.sum())} "
+        f"| {f'{joints.max():.3f}' if joints.any() else '–'} |"
     )
 
 
 def main() -> int:
-    """Simulates the stops and writes the table; returns the exit code."""
+    """Runs the command; returns its exit code."""
     rows = [(partial(run, way), partial(row, way)) for way in WAYS]
+    rows += [(partial(run_joints, way), partial(row, way)) for way in JOINT_WAYS]
     return write_table(__doc__, "stops", HEAD, rows, PAGE)
 
 

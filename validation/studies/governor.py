@@ -1,4 +1,4 @@
-"""Measures the heights that the governor allows under random commands and wrong models.
+"""Write the table of the governor: heights under random commands with wrong models.
 
     tools/run python validation/studies/governor.py [--runs 5000] [--half 1] [--workers 1]
 
@@ -46,15 +46,15 @@ HEAD = (
 
 
 class Stream(NamedTuple):
-    """A cup with its limits, and a stream of commanded velocities."""
+    """A cup with its limit, and what is commanded."""
 
     model: Model
     limits: PlanLimits
     commands: Array
 
 
-def drawn(rng: np.random.Generator) -> Stream:
-    """Draws a cup and its commands (COMMANDS, 3) [m/s], with NaN and pauses."""
+def drawn_cup(rng: np.random.Generator) -> tuple[Model, float]:
+    """Draws a model of a container, and a limit of its height [m]."""
     if rng.random() < 0.7:
         radius = rng.uniform(0.03, 0.06)
         size = radius
@@ -64,24 +64,33 @@ def drawn(rng: np.random.Generator) -> Stream:
         size = width / 2.0
         container = Rectangle(width, width * rng.uniform(0.6, 1.0), width * rng.uniform(0.5, 1.0))
     model = Model(container).with_effect("vertical_acceleration").nonlinear()
-    limits = PlanLimits(size * rng.uniform(0.12, 0.35), acceleration=5.0, jerk=74.0)
-    commands, t, speed = (
-        np.zeros((COMMANDS, 3)),
-        PERIOD * np.arange(COMMANDS),
-        rng.uniform(0.1, 0.5),
-    )
+    return model, size * rng.uniform(0.12, 0.35)
+
+
+def drawn(rng: np.random.Generator) -> Stream:
+    """A stream of commands (COMMANDS, 3) [m/s]; rows of NaN, and of infinity: none is sent."""
+    model, height = drawn_cup(rng)
+    limits = PlanLimits(height, acceleration=5.0, jerk=74.0)
+    speed = rng.uniform(0.1, 0.5)
     scale = speed * np.array([1.0, 1.0, 0.3 * (rng.random() < 0.3)])
+    return Stream(model, limits, drawn_commands(rng, scale, 0.2 * speed, first_period(model)))
+
+
+def drawn_commands(rng: np.random.Generator, scale: Array, jitter: float, period: float) -> Array:
+    """Commands (COMMANDS, D) of a size (D,), with swings near a period [s]; see `drawn`."""
+    count = len(scale)
+    commands, t = np.zeros((COMMANDS, count)), PERIOD * np.arange(COMMANDS)
     at = 0
     while at < COMMANDS:
         until = min(at + int(rng.uniform(0.1, 1.2) / PERIOD), COMMANDS)
         part, kind = slice(at, until), rng.integers(0, 5)
-        one, other = rng.normal(size=3) * scale, rng.normal(size=3) * scale
+        one, other = rng.normal(size=count) * scale, rng.normal(size=count) * scale
         u = np.linspace(0.0, 1.0, until - at)[:, np.newaxis]
-        swing = rng.uniform(0.7, 1.3) / first_period(model)
+        swing = rng.uniform(0.7, 1.3) / period
         choices = (
             one + 0.0 * u, one + (other - one) * u, 0.0 * u * one,
             one * np.sin(2.0 * np.pi * swing * t[part])[:, np.newaxis],
-            one + 0.2 * speed * rng.normal(size=(until - at, 3)),
+            one + jitter * rng.normal(size=(until - at, count)),
         )  # fmt: skip
         commands[part] = choices[kind]
         at = until
@@ -89,11 +98,11 @@ def drawn(rng: np.random.Generator) -> Stream:
     if rng.random() < 0.2:
         begin = rng.integers(0, COMMANDS)
         commands[begin : begin + round(0.3 / PERIOD)] = np.inf
-    return Stream(model, limits, commands)
+    return commands
 
 
 def other(model: Model, frequency: float, damping: float) -> Model:
-    """Returns the model with another frequency and damping, as the true liquid."""
+    """The model of a liquid that differs."""
     first = model.mode_constants()[0]
     return replace(
         model,
@@ -105,7 +114,7 @@ def other(model: Model, frequency: float, damping: float) -> Model:
 def governed(
     stream: Stream, limits: PlanLimits, truth: Model | None, rng: np.random.Generator
 ) -> tuple[Array, Array, Array]:
-    """Runs the governor; returns velocities and accelerations (N, 3), and stated margins."""
+    """(N, 3) velocities, accelerations and (N,) stated margins of a stream and its stop."""
     governor = Governor(stream.model, limits, period=PERIOD)
     liquid = None if truth is None else Simulator(truth)
     error = np.zeros(4)
@@ -144,7 +153,7 @@ def tracked(
     velocity: Sequence[float] = (0.0, 0.0, 0.0),
     acceleration: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> tuple[Array, Array]:
-    """Follows commands within acceleration and jerk only; returns velocities and accelerations.
+    """(N, 3) velocities and accelerations that follow commands and stop at their end.
 
     They keep acceleration and jerk alone; what is no number is a stop.
     """
@@ -152,7 +161,7 @@ def tracked(
     rows: list[tuple[Array, Array]] = []
     step, wanted = limits.jerk * PERIOD, np.where(np.isfinite(commands), commands, 0.0)
     while len(rows) < len(wanted) or np.linalg.norm(v) > 1e-4 or np.linalg.norm(a) > 1e-3:
-        goal = wanted[len(rows)] if len(rows) < len(wanted) else np.zeros(3)
+        goal = wanted[len(rows)] if len(rows) < len(wanted) else 0.0 * v
         left = goal - v - 0.5 * PERIOD * a
         size = max(float(np.linalg.norm(left)), 1e-12)
         most = min(math.sqrt(step**2 + 2.0 * limits.jerk * size) - step, limits.acceleration)
@@ -161,11 +170,11 @@ def tracked(
         v = v + PERIOD * (a + 0.5 * change)
         a = a + change
         rows.append((v, a))
-    return np.array([one for one, _ in rows]), np.array([*(one for _, one in rows), np.zeros(3)])
+    return np.array([one for one, _ in rows]), np.array([*(one for _, one in rows), 0.0 * v])
 
 
 def highest(models: list[Model], acceleration: Array) -> float:
-    """Returns the maximum height [m] that a motion causes in several liquids."""
+    """The highest height of a motion over all liquids, sampled every 2 ms [m]."""
     rest = np.zeros((round(WATCHED / PERIOD), 3))
     rows = np.concatenate([np.zeros((1, 3)), acceleration, rest])
     t: Array = PERIOD * np.arange(len(rows), dtype=np.float64)
@@ -176,7 +185,7 @@ def highest(models: list[Model], acceleration: Array) -> float:
 
 
 def delays(commands: Array, velocity: Array) -> float:
-    """Returns the median time [s] to 90 % of a lasting velocity change; NaN if none lasts."""
+    """Median time until 90 % of a changed velocity that lasts [s]; NaN: there is none."""
     found = []
     with np.errstate(invalid="ignore"):
         steps = np.linalg.norm(np.diff(commands, axis=0), axis=1)
@@ -194,7 +203,7 @@ def delays(commands: Array, velocity: Array) -> float:
 
 
 def run(observed: bool, seed: int) -> tuple[float, ...]:
-    """Simulates one stream; returns heights relative to the limit, delays [s] and margin."""
+    """Highest height over the limit, governed and not; delays [s]; margin over the limit."""
     rng = np.random.default_rng(seed)
     stream = drawn(rng)
     pairs = [
@@ -214,7 +223,7 @@ def run(observed: bool, seed: int) -> tuple[float, ...]:
 
 
 def row(observed: bool, runs: Array) -> str:
-    """Formats the results of many streams (N, 6) as a table row."""
+    """A row of the table from (N, 6) of `run`."""
     peak, blind, delay, free, margin, liquids = runs.T
     steps = np.isfinite(delay) & np.isfinite(free)
     above = np.mean(blind > 1.0)
@@ -228,7 +237,7 @@ def row(observed: bool, runs: Array) -> str:
 
 
 def main() -> int:
-    """Simulates the streams and writes the table; returns the exit code."""
+    """Runs the command; returns its exit code."""
     rows = [(partial(run, observed), partial(row, observed)) for observed in (False, True)]
     return write_table(__doc__, "governor", HEAD, rows, PAGE)
 

@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from slosh_estimator.inputs import WantedInput
+from slosh_estimator.robot import available
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_replay.replay import replay_bag, replay_table
@@ -70,6 +72,22 @@ def test_two_clocks_are_laid_over_each_other_where_they_are(tmp_path):
         clock = result.accuracy[-1].clock
         assert clock.offset == pytest.approx(RUNS[result.name], abs=1e-2), result.name
         assert result.accuracy[-1].sigma < 1.2e-3, result.name
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not ANTISLOSHING.is_dir(), reason=f"no measured runs in {ANTISLOSHING}")
+@pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
+def test_joints_of_a_real_robot_give_the_heights_of_its_poses(tmp_path):
+    """Both are in the data: positions of the joints, and the cup's poses."""
+    compared = 0
+    for bag in import_antisloshing(ANTISLOSHING, tmp_path):
+        if not any((ANTISLOSHING / "joints").glob(f"{bag.name}.csv*")):
+            continue
+        joints, poses = (replay_bag(bag, given=WantedInput(kind)) for kind in ("joints", "pose"))
+        apart = joints.heights["3D-NL"] - poses.heights["3D-NL"]
+        assert np.sqrt(np.nanmean(apart**2)) < 5e-5, bag.name
+        compared += 1
+    assert compared == 13
 
 
 @pytest.mark.skipif(not CFD.is_dir(), reason=f"no CFD tables in {CFD}")

@@ -400,9 +400,16 @@ def test_an_outline_however_it_is_written_is_the_same(points):
 
 @pytest.mark.parametrize(
     "points",
-    [((0, 0), (0.1, 0), (0.1, 1e-4), (0, 1e-4)), ((0, 0), (0.1, 0), (0.1, 0), (0, 0))],
-    ids=["sliver", "line"],
+    [
+        ((0, 0), (0.1, 0), (0.1, 1e-4), (0, 1e-4)),
+        ((0, 0), (0.1, 0), (0.1, 0), (0, 0)),
+        ((0, 0), (0.1, 0), (0.15, 0), (0.1, 0), (0.1, 0.1), (0, 0.1)),
+        ((0, 0), (0.1, 0), (0.05, 0.05), (0.1, 0.1), (0, 0.1), (0.05, 0.05)),
+    ],
+    ids=["sliver", "line", "spur", "two parts"],
 )
 def test_an_outline_without_room_is_refused(points):
-    with pytest.raises(SloshModelError, match=r"encloses (no area|too little)|different points"):
+    with pytest.raises(
+        SloshModelError, match=r"touches itself|encloses (no area|too little)|different points"
+    ):
         jar(points)

@@ -125,6 +125,7 @@ class PlanTuning:
     governor_fastest: float = number(20.0, "m/s", "speed above which a command is an error")
     governor_phase: float = number(0.2, "rad", "phase of the fastest mode between two rows, ωh")
     governor_tail: float = number(0.6, "period", "periods of the first mode after a stop")
+    governor_tilted_tail: float = number(1.1, "period", "the same where the container may tilt")
     governor_first: float = number(2.0, "period", "duration of the first stop, in its periods")
     governor_longest: float = number(1.2, "s", "longest stop")
     governor_reserve: float = number(0.04, "1", "part by which heights are raised")

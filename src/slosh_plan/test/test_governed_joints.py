@@ -62,8 +62,12 @@ def targets(seed, count=200):
 
 def motion_of(arm, moved):
     """The container's motion between the steps, by Pinocchio, and what its liquid feels."""
-    rate, change, place = (np.array([one.joints[k] for one in moved]) for k in range(3))
-    t = PERIOD * np.arange(len(moved))
+    still = (0.0,) * len(START)
+    rate, change, place = (
+        np.array([first, *(one.joints[k] for one in moved)])
+        for k, first in enumerate((still, still, START))
+    )
+    t = PERIOD * np.arange(len(place))
     return arm.arm.motion(t, arm.limits.names, place, rate, change)
 
 

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 import scipy
 
-from slosh_base.types import Array
+from slosh_base.types import Array, BoolArray
 from slosh_model.errors import SloshModelError
 
 Point = tuple[float, float]
@@ -179,10 +179,24 @@ def check_simple(pieces: Sequence[Piece], key: str, *, closed: bool) -> None:
     crossing &= apart > 1
     if closed:
         crossing &= apart < count - 1
-    found = np.argwhere(crossing)
-    if len(found):
-        x, y = a[found[0, 0]].tolist()
-        raise SloshModelError(f"{key} crosses itself near ({x:.4g}, {y:.4g}) m")
+    # Not of the lines that begin or end at the point.
+    after = np.subtract.outer(np.arange(count), np.arange(count))
+    touching = _on_lines(a, d) & (apart > 0) & (after % count != 1 if closed else after != 1)
+    for where, what in ((crossing, "crosses"), (touching, "touches")):
+        found = np.argwhere(where)
+        if len(found):
+            x, y = a[found[0, 0]].tolist()
+            raise SloshModelError(f"{key} {what} itself near ({x:.4g}, {y:.4g}) m")
+
+
+def _on_lines(a: Array, d: Array) -> BoolArray:
+    """Returns (N, N) whether points (N, 2) lie on lines that begin at points a and go by d."""
+    away = a[:, None] - a[None]
+    lengths = (d * d).sum(axis=1)
+    share = np.clip((away * d[None]).sum(axis=2) / lengths, 0.0, 1.0)
+    left = away - share[..., None] * d[None]
+    near = 1e-6 * np.ptp(a, axis=0).max()
+    return np.asarray((left * left).sum(axis=2) < near**2)
 
 
 def _cross(one: Array, other: Array) -> Array:

@@ -61,7 +61,7 @@ def _csv_points(path: Path, keys: KeyPath) -> tuple[tuple[float, ...], ...]:
             if not found and not any(map(_is_number, cells)):  # a heading
                 continue
             raise SloshModelError(
-                f"{path}:{number}: {' '.join(cells)!r:.60} must be two numbers [m]", keys
+                f"{path}:{number}: {','.join(cells)!r:.60} must be two numbers [m]", keys
             ) from None
         if len(found) > MOST_POINTS:
             raise SloshModelError(f"{path}: more than {MOST_POINTS} points", keys)

@@ -93,7 +93,8 @@ class Governor:
         per_row, fastest = containers.spacing_of(self._cups, period)
         spacing = per_row * period
         slowest = max(first_period(cup.model) for cup in self._cups)
-        tail = TUNING.governor_tail * slowest
+        # Around the level of a tilted container a wave is highest once a period.
+        tail = (TUNING.governor_tilted_tail if turns else TUNING.governor_tail) * slowest
         # A crest between two rows is higher than both.
         reserve = (1.0 + TUNING.governor_reserve) / math.cos(0.5 * spacing * fastest) - 1.0
         self._settings = _settings(limits, period, per_row, tail, reserve)

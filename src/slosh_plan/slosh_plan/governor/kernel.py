@@ -40,13 +40,11 @@ from slosh_plan.governor.layout import (
     JERK,
     KIND,
     LAW,
-    LIMIT,
     LOWER,
     MODELS,
     OTHERS,
     PART,
     PARTS,
-    PEAK,
     PERIOD,
     PLACE,
     PLAN,
@@ -56,10 +54,8 @@ from slosh_plan.governor.layout import (
     SHARE,
     SHARPEST,
     SIZE,
-    SLIP,
     SPACING,
     TAIL,
-    TIP,
     TRIED,
     TURN,
     UPPER,
@@ -76,6 +72,8 @@ PARTED = 0.8
 """Factor by which a command's change is reduced until the container keeps its limits,"""
 PARTS_TRIED = 12
 """at most so often."""
+JUDGED, KNOWN = 1, 2
+"""Candidates that are simulated, and what is left of a stop that was."""
 
 
 @compiled
@@ -239,11 +237,18 @@ def _is_held(plan):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _cap(uses, bound, limit):  # type: ignore[no-untyped-def]
-    """Lowers what a held stop uses of a limit to what it was found to use before."""
-    uses[PEAK] = min(uses[PEAK], bound * limit)
-    for k in (USE, SLIP, TIP):
-        uses[k] = min(uses[k], bound)
+def _is_known(plan, state):  # type: ignore[no-untyped-def]
+    """Whether a candidate is the held stop that was found safe: what is left of it is, too."""
+    return _is_held(plan) and state[BOUND] <= 1.0
+
+
+@compiled
+def _judged(plans, kept, own, state, shares):  # type: ignore[no-untyped-def]
+    """Writes the share of the critical container's limits that each candidate uses."""
+    for one in range(CANDIDATES):
+        shares[one] = own[one, USE] if kept[one] == JUDGED else math.inf
+        if _is_known(plans[one], state):
+            shares[one] = state[BOUND]
 
 
 @compiled
@@ -253,39 +258,33 @@ def _chosen(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Returns the best candidate of a block, and the share of its limits that it uses.
 
-    One that exceeds a limit of another container than the critical one gives way to the next.
+    One that exceeds a limit of another container than the critical one gives way to the next; of
+    all of the command only one is tried.
     """
     critical, turn, best = int(state[CRITICAL]), 0, -1
-    cup, which = critical, np.flatnonzero(kept)
-    own, shares = np.full((CANDIDATES, USES), math.inf), np.full(CANDIDATES, math.inf)
+    own, shares = np.full((CANDIDATES, USES), math.nan), np.full(CANDIDATES, math.inf)
     uses = own.copy()
+    cup, which = critical, np.flatnonzero(kept == JUDGED)
     while True:
-        part = stores[cup * MODELS : (cup + 1) * MODELS]
-        add_uses(part, cups[cup], driven, which, ends, intervals, count, settings, own)
+        if which.shape[0] > 0:
+            part = stores[cup * MODELS : (cup + 1) * MODELS]
+            add_uses(part, cups[cup], driven, which, ends, intervals, count, settings, own)
         if best < 0:
             uses[:] = own
-            for one in range(CANDIDATES):
-                shares[one] = own[one, USE]
-                if _is_held(plans[one]):
-                    # What is left of a stop is no higher than all of it.
-                    shares[one] = min(shares[one], state[BOUND])
+            _judged(plans, kept, own, state, shares)
         else:
             told[cup] = own[best]
             if own[best, USE] > shares[best]:
                 shares[best] = own[best, USE]
                 state[CRITICAL] = cup
-        if best < 0 or shares[best] > 1.0:
+        if best < 0 or (shares[best] > 1.0 and block != WHOLE):
             best = _best(shares, kept, times[ends - 1], settings, block == PARTS, follow)
             told[:] = math.nan
             told[critical] = uses[best]
             turn = 0
-            if _is_held(plans[best]) and state[BOUND] <= 1.0:
-                _cap(told[critical], state[BOUND], cups[critical, LIMIT])
-                return best, shares[best]
-            if not shares[best] <= 1.0:
-                return best, shares[best]
         turn += int(turn == critical)
-        if turn >= cups.shape[0]:
+        done = turn >= cups.shape[0] or _is_known(plans[best], state)
+        if done or not shares[best] <= 1.0:
             return best, shares[best]
         cup, which = turn, np.array([best])
         turn += 1
@@ -346,21 +345,21 @@ def govern(  # type: ignore[no-untyped-def]
             ends[one] = candidate(
                 motion, state, stop, settings, plans[one], wanted, held, first, times, rows[one]
             )
-            must = _is_held(plans[one])
+            must, known = _is_held(plans[one]), _is_known(plans[one], state)
             kept[one] = must or (
                 ends[one] + tail < size
                 and (joints.shape[0] == 0
                      or _allowed(motion, rows[one], ends[one], intervals, limits))
             )  # fmt: skip
             if kept[one]:
-                last = min(ends[one], size - 1)
+                last = 1 if known else min(ends[one], size - 1)
                 within = _drive(
                     motion, rows[one], last, intervals, robot, settings, must, driven[one]
                 )
-                kept[one] = must or within
-            if kept[one]:
+                kept[one] = KNOWN if known else (JUDGED if must or within else 0)
+            if kept[one] == JUDGED:
                 count = max(count, min(ends[one] + tail, size))
-        if count > 0:
+        if kept.any():
             best, use = _chosen(
                 stores, cups, driven, plans, ends, kept, times, intervals, count, settings, state,
                 block, follow, told,

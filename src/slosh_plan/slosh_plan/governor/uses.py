@@ -101,6 +101,11 @@ def _highest(heights, count, end, run, mode):  # type: ignore[no-untyped-def]
     """
     beating = run["cornered"] != 0.0 or mode["frequency_ratio"] != 1.0 or mode["along_x"] != 0.0
     top = last_x = last_y = 0.0
+    if not beating and run["corner_count"] == 0.0:
+        for row in range(1, count):
+            square = heights[row, 0] * heights[row, 0] + heights[row, 1] * heights[row, 1]
+            top = max(top, square) if square == square else math.inf
+        return math.sqrt(top)
     for row in range(1, count):
         x, y = heights[row, 0], heights[row, 1]
         after = beating and row >= end - 1
@@ -114,47 +119,74 @@ def _highest(heights, count, end, run, mode):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _placed(store, heights, felt, count, placed):  # type: ignore[no-untyped-def]
+def _displacements(store, heights, felt, count, placed):  # type: ignore[no-untyped-def]
     """Writes the displacement of the first mode's mass at each sample, from the wall heights.
 
     In the axes of the mode.
     """
     runs, modes = records(store)
     run, constants = runs[0], constants_of(modes[0])
+    by_x, by_y = 1.0 / constants[GAIN], 1.0 / constants[GAIN_Y]
     placed[0, 0], placed[0, 1] = modes[0]["x"], modes[0]["y"]
+    still_x, still_y = run["static_height"], run["static_height_y"]
     for row in range(1, count):
-        light = lightness(run["lift"], felt[row, 2])
         x, y = turned(heights[row, 0], heights[row, 1], run["axes"])
-        ax, ay = turned(felt[row, 0], felt[row, 1], run["axes"])
-        x += run["static_height"] * light * ax
-        y += run["static_height_y"] * light * ay
-        placed[row, 0], placed[row, 1] = x / constants[GAIN], y / constants[GAIN_Y]
+        if still_x != 0.0 or still_y != 0.0:
+            light = lightness(run["lift"], felt[row, 2])
+            ax, ay = turned(felt[row, 0], felt[row, 1], run["axes"])
+            x += still_x * light * ax
+            y += still_y * light * ay
+        placed[row, 0], placed[row, 1] = x * by_x, y * by_y
 
 
 @compiled
-def _standing(cup, placed, felt, axes, intervals, count):  # type: ignore[no-untyped-def]
-    """Returns the largest shares of friction and base that a lane uses; see `standing_use`.
-
-    All is added in the axes of the mode, `axes` [rad] away from the container's.
-    """
-    slip = tip = 0.0
+def _curvature(intervals, count, weights):  # type: ignore[no-untyped-def]
+    """Writes the weights of three neighbours in time that give the second derivative."""
     for row in range(1, count - 1):
         before, behind = intervals[row - 1], intervals[row]
+        weights[row, 0] = 2.0 / (before * (before + behind))
+        weights[row, 2] = 2.0 / (behind * (before + behind))
+        weights[row, 1] = -weights[row, 0] - weights[row, 2]
+
+
+@compiled
+def _pressures(felt, axes, count, pushing, pressing):  # type: ignore[no-untyped-def]
+    """Writes what accelerates a container on its tray, and what presses it on.
+
+    Args:
+        felt: (rows, 3) the acceleration at the centre of mass [m/s²].
+        axes: azimuth of the first mode's axes [rad].
+        count: of the rows.
+        pushing: (rows, 2) receives the horizontal acceleration in the axes of the mode.
+        pressing: (rows, 2) receives the vertical one with gravity, and its inverse square; 0: the
+            container lifts off.
+    """
+    for row in range(count):
         force = felt[row, 2] + GRAVITY
-        lateral = moment = 0.0
-        pushed = turned(felt[row, 0], felt[row, 1], axes)
-        for k in range(2):
-            q, push = placed[row, k], pushed[k]
-            change = (placed[row + 1, k] - q) / behind - (q - placed[row - 1, k]) / before
-            change *= 2.0 / (before + behind)
-            mass = cup[MASS_X + k]
-            lateral += (push + mass * change) ** 2
-            moment += (mass * (q * force - cup[ARM_X + k] * change) - cup[CENTRE] * push) ** 2
-        if not force > LEAST:
+        pushing[row, 0], pushing[row, 1] = turned(felt[row, 0], felt[row, 1], axes)
+        pressing[row, 0] = force
+        pressing[row, 1] = 1.0 / (force * force) if force > LEAST else 0.0
+
+
+@compiled
+def _standing(cup, placed, pushing, weights, pressing, count):  # type: ignore[no-untyped-def]
+    """Returns the largest shares of friction and base that a lane uses; see `standing_use`."""
+    slip = tip = 0.0
+    for row in range(1, count - 1):
+        force, inverse = pressing[row, 0], pressing[row, 1]
+        if inverse == 0.0:
             return math.inf, math.inf
-        slip = max(slip, math.sqrt(lateral) / (cup[FRICTION] * force))
-        tip = max(tip, math.sqrt(moment) / (cup[BASE] * force))
-    return slip, tip
+        lateral = moment = 0.0
+        for k in range(2):
+            q, mass, push = placed[row, k], cup[MASS_X + k], pushing[row, k]
+            change = weights[row, 0] * placed[row - 1, k] + weights[row, 1] * q
+            change += weights[row, 2] * placed[row + 1, k]
+            slides = push + mass * change
+            tips = mass * (q * force - cup[ARM_X + k] * change) - cup[CENTRE] * push
+            lateral += slides * slides
+            moment += tips * tips
+        slip, tip = max(slip, lateral * inverse), max(tip, moment * inverse)
+    return math.sqrt(slip) / cup[FRICTION], math.sqrt(tip) / cup[BASE]
 
 
 @compiled
@@ -188,22 +220,24 @@ def add_uses(stores, cup, driven, which, ends, intervals, count, settings, uses)
     runs, modes = records(stores[0, : int(cup[SIZE])])
     loose = cup[FRICTION] > 0.0
     tops, slips, tips = np.zeros(MODELS), np.zeros(MODELS), np.zeros(MODELS)
-    placed = np.empty((count if loose else 0, 2))
+    placed, pushing = np.empty((count, 2)), np.empty((count, 2))
+    pressing = np.empty((count, 2))
+    weights = np.empty((count, 3))
+    if loose:
+        _curvature(intervals, count, weights)
     for one in range(which.shape[0]):
         candidate = which[one]
+        pressed = driven[candidate, int(cup[MASS_POINT])]
+        if loose:
+            _pressures(pressed, runs[0]["axes"], count, pushing, pressing)
         for model in range(MODELS):
             lane = heights[one * MODELS + model]
             tops[model] = _highest(lane, count, ends[candidate], runs[0], modes[0])
             if loose:
                 store = stores[model, : int(cup[SIZE])]
-                _placed(store, lane, driven[candidate, int(cup[POINT])], count, placed)
+                _displacements(store, lane, driven[candidate, int(cup[POINT])], count, placed)
                 slips[model], tips[model] = _standing(
-                    cup,
-                    placed,
-                    driven[candidate, int(cup[MASS_POINT])],
-                    runs[0]["axes"],
-                    intervals,
-                    count,
+                    cup, placed, pushing, weights, pressing, count
                 )
         found = uses[candidate]
         found[PEAK], found[NOMINAL] = _raised(tops, settings) + cup[EXTRA], tops[0]

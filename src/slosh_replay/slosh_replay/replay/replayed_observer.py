@@ -69,8 +69,8 @@ class ReplayedObserver:
             self._states.extend(zip(recorded.stamps.tolist(), counts, strict=True))
         for door, waiting in zip(DOORS, self._surfaces, strict=True):
             # Of a replayed sensor, too, what was recorded is what the live node heard.
-            heard = moment.messages.get(recorded_name(door))
-            waiting.extend(_heights(moment.messages[door] if heard is None else heard))
+            name = recorded_name(door)
+            waiting.extend(_heights(moment.messages[name if name in moment.messages else door]))
         batch = moment.messages[SAMPLES]
         if not len(batch.stamps):
             return {}

@@ -1,0 +1,262 @@
+"""Write the table of governed trays and joints: limits under random commands with wrong models.
+
+    tools/run python validation/studies/governed_loads.py [--runs 500] [--half 1] [--workers 1]
+
+Streams, liquids and delays are those of `governor.py`; every limit is checked by `simulate`,
+`standing_use` and Pinocchio. *Four cups*: each drawn with its own limit, two stand loosely.
+*Joints*: velocities of the arm of `six_axes.py`, that tilt the cup by some degrees. *Without*:
+the same without regard to the liquid, and to what holds the cups. Tuned on `--half 0`.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+import with_tools  # noqa: F401
+from governor import (
+    COMMANDS,
+    DAMPING,
+    FREQUENCY,
+    GRID,
+    PAGE,
+    PERIOD,
+    WATCHED,
+    delays,
+    drawn_commands,
+    drawn_cup,
+    other,
+    tracked,
+)
+from observer_accuracy import write_table
+from six_axes import six_axes
+
+from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
+from slosh_model import Inputs, Model, simulate
+from slosh_model.standing import Standing
+from slosh_model.standing_use import standing_use
+from slosh_model.tray import Tray, TrayContainer
+from slosh_plan.governor import Command, Governed, GovernedArm, Governor
+from slosh_plan.heights import first_period
+from slosh_plan.planning.limits import PlanLimits
+
+FREE = 1.0
+"""Limit of a height without regard to the liquid [m]."""
+JOINT_SCALE = (0.7, 0.35, 0.5, 0.35, 0.5, 0.0)
+"""Sizes of commanded velocities of the joints [rad/s]."""
+TILTING = 0.02
+"""Speed with which the fourth and the sixth joint tilt the cup [rad/s]."""
+HEAD = (
+    "load", "streams", "liquids", "above a limit", "highest, of the limit",
+    "friction or base, of what holds", "joints, of their limits", "without: streams above",
+    "delay [s]", "without [s]", "ratio",
+)  # fmt: skip
+
+
+class Load(NamedTuple):
+    """What is governed: containers, limits, commands, and the arm whose joints are commanded."""
+
+    tray: Tray
+    limits: PlanLimits
+    commands: Array
+    arm: GovernedArm | None = None
+
+
+class Moves(NamedTuple):
+    """(N, D) velocities, accelerations and places of what is commanded, every PERIOD from rest."""
+
+    velocity: Array
+    acceleration: Array
+    place: Array
+
+
+def four_cups(rng: np.random.Generator) -> Load:
+    """Four drawn cups on a tray, two of which stand loosely."""
+    cups = []
+    for number in range(4):
+        model, height = drawn_cup(rng)
+        standing = None
+        if number < 2:
+            size = math.sqrt(model.container.volume / model.container.fill_height / math.pi)
+            standing = Standing(
+                mass=rng.uniform(0.05, 0.3), base_radius=size * rng.uniform(0.2, 0.8),
+                centre_height=0.5 * model.container.fill_height, friction=rng.uniform(0.06, 0.4),
+            )  # fmt: skip
+        cups.append(TrayContainer(f"cup{number}", model, limit=height, standing=standing))
+    speed = rng.uniform(0.1, 0.5)
+    scale = speed * np.array([1.0, 1.0, 0.3 * (rng.random() < 0.3)])
+    commands = drawn_commands(rng, scale, 0.2 * speed, first_period(cups[0].model))
+    limits = PlanLimits(FREE, FREE, acceleration=5.0, jerk=74.0)
+    return Load(Tray(tuple(cups)), limits, commands)
+
+
+def of_joints(rng: np.random.Generator) -> Load:
+    """A drawn cup in the hand of an arm, whose joints move it nearly upright."""
+    model, height = drawn_cup(rng)
+    scale = rng.uniform(0.5, 1.5) * np.array(JOINT_SCALE)
+    commands = drawn_commands(rng, scale, 0.05, first_period(model))
+    tilts = TILTING * rng.normal(size=2)
+    commands[:, 3] = tilts[0] - commands[:, 1] - commands[:, 2]
+    commands[:, 5] = tilts[1]
+    cup = TrayContainer("", model, limit=height)
+    limits = PlanLimits(FREE, FREE, acceleration=5.0, jerk=74.0)
+    return Load(Tray((cup,)), limits, commands, six_axes())
+
+
+LOADS = {"four cups": four_cups, "joints": of_joints}
+
+
+def begun(load: Load, steps: int) -> tuple[Governor, list[Governed]]:
+    """The governor after so many steps of a load's commands, and the steps."""
+    governor, told = Governor(load.tray, load.limits, period=PERIOD, arm=load.arm), []
+    for step in range(steps):
+        row, now = load.commands[step], 1 + step * round(PERIOD * SECOND)
+        if not np.isinf(row).any():
+            governor.take(Command(now, tuple(row.tolist())))
+        told.append(governor.step(now))
+    return governor, told
+
+
+def moves_of(load: Load, told: list[Governed]) -> Moves:
+    """The motion of governed steps."""
+    rows = [
+        one.joints or (one.velocity, one.acceleration, one.position) for one in told
+    ]  # fmt: skip
+    start = np.zeros(3) if load.arm is None else load.arm.start
+    still = np.zeros(len(start))
+    columns = (
+        np.array([first, *(row[k] for row in rows)])
+        for k, first in enumerate((still, still, start))
+    )
+    return Moves(*columns)
+
+
+def unregarded(load: Load, commands: Array, before: Moves | None = None) -> Moves:
+    """A motion that follows commands and stops, without regard to the liquid.
+
+    Args:
+        load: the limits of acceleration and jerk; of joints each by its own.
+        commands: (N, D) velocities.
+        before: what it goes on from; None: rest.
+    """
+    size = commands.shape[1]
+    last = (
+        [np.zeros(size)] * 2 if before is None else [before.velocity[-1], before.acceleration[-1]]
+    )
+    parts = [slice(0, size)] if load.arm is None else [slice(k, k + 1) for k in range(size)]
+    found = []
+    for k, part in enumerate(parts):
+        limits = load.limits
+        if load.arm is not None:
+            own = load.arm.limits
+            limits = replace(limits, acceleration=own.acceleration[k], jerk=own.jerk[k])
+        velocity, acceleration = (one[part].tolist() for one in last)
+        found.append(tracked(commands[:, part], limits, velocity, acceleration))
+    count = max(len(acceleration) for _, acceleration in found)
+    columns = [
+        np.concatenate(
+            [np.pad(one[n], ((0, count - len(one[n])), (0, 0))) for one in found], axis=1
+        )
+        for n in range(2)
+    ]
+    past = Moves(*[np.zeros((1, size))] * 3) if before is None else before
+    velocity, acceleration = (
+        np.concatenate([old, new]) for old, new in zip(past[:2], columns, strict=True)
+    )
+    start = np.zeros(size) if load.arm is None else load.arm.start
+    steps = 0.5 * PERIOD * (velocity[1:] + velocity[:-1])
+    place = np.concatenate([start[np.newaxis], start + np.cumsum(steps, axis=0)])
+    return Moves(velocity, acceleration, place)
+
+
+def inputs_of(load: Load, moves: Moves) -> Inputs:
+    """The motion of the container or tray, and a rest behind it."""
+    t: Array = PERIOD * np.arange(len(moves.place), dtype=np.float64)
+    if load.arm is not None:
+        velocity, acceleration, place = moves
+        motion = load.arm.arm.motion(t, load.arm.limits.names, place, velocity, acceleration)
+        return motion.inputs(WATCHED, 0.002)
+    rows = np.concatenate([moves.acceleration, np.zeros((round(WATCHED / PERIOD), 3))])
+    t = PERIOD * np.arange(len(rows), dtype=np.float64)
+    return Inputs(t, rows).resampled(np.arange(0.0, t[-1], 0.002))
+
+
+def highest(load: Load, moves: Moves, pairs: list[tuple[float, float]]) -> Array:
+    """(2,) greatest heights, and uses of friction and base, over all liquids; of the limits."""
+    inputs, found = inputs_of(load, moves), np.zeros(2)
+    for cup in load.tray.containers:
+        for pair in pairs:
+            liquid: Model = other(cup.model, *pair)
+            liquid = liquid if load.arm is None else liquid.feeling_gravity()
+            found[0] = max(found[0], simulate(liquid, inputs)[0].msh.max() / cup.limit)
+            if cup.standing is not None:
+                found[1] = max(found[1], *standing_use(liquid, cup.standing, inputs))
+    return found
+
+
+def joint_use(load: Load, moves: Moves) -> float:
+    """Greatest position, velocity, acceleration and jerk of the joints, of their limits."""
+    if load.arm is None:
+        return 0.0
+    limits = load.arm.limits
+    middle, half = 0.5 * (limits.upper + limits.lower), 0.5 * (limits.upper - limits.lower)
+    parts = (
+        (moves.place - middle) / half, moves.velocity / limits.velocity,
+        moves.acceleration / limits.acceleration,
+        np.diff(moves.acceleration, axis=0) / PERIOD / limits.jerk,
+    )  # fmt: skip
+    return max(float(np.abs(part).max()) for part in parts)
+
+
+def drawn_pairs(rng: np.random.Generator, count: int) -> list[tuple[float, float]]:
+    """Errors of frequency and damping."""
+    return [
+        (1.0 + FREQUENCY * rng.uniform(-1.0, 1.0), DAMPING ** rng.uniform(-1.0, 1.0))
+        for _ in range(count)
+    ]
+
+
+def run(name: str, seed: int) -> tuple[float, ...]:
+    """Highest heights, uses, joints over their limits, free heights; delays [s]; liquids."""
+    rng = np.random.default_rng(seed)
+    load = LOADS[name](rng)
+    pairs = drawn_pairs(rng, 4) + GRID
+    governor, told = begun(load, COMMANDS)
+    moves = moves_of(load, told + governor.stopped())
+    free = unregarded(load, load.commands)
+    heights, blind = highest(load, moves, pairs), highest(load, free, pairs[:1])
+    return (
+        *heights, joint_use(load, moves), blind.max(),
+        delays(load.commands, moves.velocity[1:]),
+        delays(load.commands, free.velocity[1:]), len(pairs) * len(load.tray.containers),
+    )  # fmt: skip
+
+
+def row(name: str, runs: Array) -> str:
+    """A row of the table from (N, 7) of `run`."""
+    peak, use, joints, blind, delay, free, liquids = runs.T
+    steps = np.isfinite(delay) & np.isfinite(free)
+    above = np.count_nonzero((np.maximum(peak, use) > 1.0) | (joints > 1.0 + 1e-6))
+    ratio = np.median(delay[steps] / np.maximum(free[steps], PERIOD))
+    return (
+        f"| {name} | {len(runs)} | {int(liquids.sum())} | {above} | {peak.max():.3f} "
+        f"| {f'{use.max():.3f}' if use.max() else '–'} "
+        f"| {f'{joints.max():.3f}' if joints.max() else '–'} "
+        f"| {100 * np.mean(blind > 1.0):.0f} % | {np.median(delay[steps]):.2f} "
+        f"| {np.median(free[steps]):.2f} | {ratio:.2f} |"
+    )
+
+
+def main() -> int:
+    """Runs the command; returns its exit code."""
+    rows = [(partial(run, name), partial(row, name)) for name in LOADS]
+    return write_table(__doc__, "loads", HEAD, rows, PAGE)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

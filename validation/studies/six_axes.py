@@ -1,0 +1,42 @@
+"""A six-axis arm with the proportions of a UR5 that holds a cup, for studies."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slosh_plan.governor import GovernedArm
+from slosh_plan.governor.robot_arm import with_defaults
+from slosh_plan.joints import Arm
+from slosh_plan.planning.joint_limits import limits_of
+
+AXES = ("0 0 1", "0 1 0", "0 1 0", "0 1 0", "0 0 1", "0 1 0")
+STEPS = ("0 0 0.089", "0 0.136 0", "0.425 -0.12 0", "0.392 0 0", "0 0.093 0", "0 0 0.095")
+SPEED, ACCELERATION, JERK = 1.5, 8.0, 150.0
+"""Limits of each joint [rad/s, rad/s², rad/s³]."""
+REACH = 2.0
+"""Joints turn by so much to either side [rad]."""
+UPRIGHT = (0.0, -1.2, 1.7, -0.5, 0.0, 0.0)
+CUP = "cup"
+
+
+def _urdf() -> str:
+    lines = ['<robot name="six_axes"><link name="link0"/>']
+    for number, (axis, step) in enumerate(zip(AXES, STEPS, strict=True), 1):
+        lines.append(
+            f'<link name="link{number}"/><joint name="joint{number}" type="revolute">'
+            f'<parent link="link{number - 1}"/><child link="link{number}"/>'
+            f'<origin xyz="{step}"/><axis xyz="{axis}"/>'
+            f'<limit lower="-{REACH}" upper="{REACH}" effort="100" velocity="{SPEED}"/></joint>'
+        )
+    lines.append(
+        f'<link name="{CUP}"/><joint name="grip" type="fixed"><parent link="link6"/>'
+        f'<child link="{CUP}"/><origin xyz="0 0.08 0.1"/></joint></robot>'
+    )
+    return "".join(lines)
+
+
+def six_axes() -> GovernedArm:
+    """The arm, with the cup upright."""
+    arm = Arm(_urdf(), CUP)
+    limits = with_defaults(limits_of(arm, arm.carrying), ACCELERATION, JERK)
+    return GovernedArm(arm, limits, np.array(UPRIGHT))
