@@ -68,6 +68,8 @@ def _set(message: Any, name: str, content: Any, types: dict[str, str]) -> None:
 
 def _plain(kind: str, content: Any) -> Any:
     """Converts a value to exactly the Python type of the message's field."""
+    if kind == "sequence<string>":
+        return [str(text) for text in content]
     if kind.startswith("sequence<"):
         return array.array(_TYPECODES[kind[9:-1]], _numbers(kind, content).tolist())
     if kind.endswith("]"):

@@ -1,0 +1,140 @@
+"""The governor of joints over DDS: it starts where the robot is, limits, stops and says so."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from slosh_estimator.robot import available
+from slosh_msgs.msg import GovernedMotion
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.node.diagnostics import WARN
+from slosh_plan.errors import SloshPlanError
+from slosh_plan.nodes.governor_node import GovernorNode
+from slosh_testing.graph import Graph
+
+pytestmark = pytest.mark.skipif(not available(), reason="Pinocchio is not installed")
+URDF = Path(__file__).resolve().parents[3] / "examples" / "robot.urdf"
+NAMES = ["wrist", "rail", "shoulder", "elbow", "jaw"]
+START = [0.0, 0.1, 0.3, -0.4, 0.0]
+TEXT = """
+container: {shape: cylinder, radius: 0.04, fill_height: 0.06}
+damping_ratio: auto
+effects: [{name: vertical_acceleration}, {name: surface_nonlinearity}]
+"""
+
+
+def as_state(places: list[float]) -> JointState:
+    return JointState(name=NAMES, position=places)
+
+
+def as_trajectory(places: list[float]) -> JointTrajectory:
+    return JointTrajectory(joint_names=NAMES, points=[JointTrajectoryPoint(positions=places)])
+
+
+def as_values(places: list[float]) -> Float64MultiArray:
+    return Float64MultiArray(data=[places[1], places[2], places[3], places[0]])
+
+
+KINDS = {
+    "joints": (as_state, topics.DESIRED_JOINTS, topics.SAFE_JOINTS),
+    "joint_trajectory": (
+        as_trajectory, topics.DESIRED_JOINT_TRAJECTORY, topics.SAFE_JOINT_TRAJECTORY
+    ),
+    "joint_values": (as_values, topics.DESIRED_JOINT_VALUES, topics.SAFE_JOINT_VALUES),
+}  # fmt: skip
+
+
+class Cell(Graph):
+    """The node, the robot's joint states, and who commands it."""
+
+    def __init__(self, model: Path, command: str) -> None:
+        super().__init__(executor=SingleThreadedExecutor())
+        self.governor = self.with_parameters(
+            GovernorNode, model=str(model), limit=0.012, rate=20.0, timeout=1.0, command=command,
+            urdf=str(URDF), tool_frame="cup",
+        )  # fmt: skip
+        self.make, desired, safe = KINDS[command]
+        kind = type(self.make(START))
+        self.moved = self.listen(GovernedMotion, topics.GOVERNED_MOTION)
+        self.safe = self.listen(kind, safe)
+        self.commands = self.publisher(kind, desired)
+        self.states = self.publisher(JointState, topics.JOINT_STATES)
+
+    def stand(self, places: list[float]) -> None:
+        """Says where the robot is until the governor is there."""
+        goal = [places[1], places[2], places[3], places[0]]
+
+        def there() -> bool:
+            self.states.publish(as_state(places))
+            return bool(self.moved) and np.allclose(self.moved[-1].joint_position, goal)
+
+        self.until(there, "the robot's place")
+
+    def follow(self, places: list[float], steps: int) -> GovernedMotion:
+        end = len(self.moved) + steps
+        while len(self.moved) < end:
+            self.commands.publish(self.make(places))
+            count = len(self.moved)
+            self.until(lambda count=count: len(self.moved) > count)
+        return self.moved[-1]
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    path = tmp_path_factory.mktemp("model") / "model.yaml"
+    path.write_text(TEXT)
+    rclpy.init()
+    yield path
+    rclpy.try_shutdown()
+
+
+@pytest.mark.parametrize("command", list(KINDS))
+def test_it_moves_the_joints_of_a_robot_from_where_they_are(model: Path, command: str) -> None:
+    cell = Cell(model, command)
+    try:
+        assert cell.governor._health() == (
+            WARN, "no joint states of rail, shoulder, elbow, wrist yet"
+        )  # fmt: skip
+        cell.stand(START)
+        moved = cell.follow([0.0, 0.5, 0.5, -0.4, 0.0], 40)
+        assert moved.joint_names == ["rail", "shoulder", "elbow", "wrist"]
+        assert list(moved.target) == [0.5, 0.5, -0.4, 0.0]
+        assert moved.joint_position[0] > 0.2
+        assert moved.joint_position[1] > 0.35
+        assert all(one.safe and one.peak <= 0.012 for one in cell.moved)
+        cell.until(lambda: len(cell.safe) >= len(cell.moved))
+        assert _places(cell.safe[-1])[0] == pytest.approx(moved.joint_position[0], abs=0.1)
+        stops = cell.listen(JointTrajectory, topics.STOP_JOINT_TRAJECTORY, qos.EVENT)
+        assert cell.call(Trigger, topics.EMERGENCY_STOP, Trigger.Request()).success
+        cell.until(lambda: stops)
+        assert list(stops[0].points[-1].velocities) == [0.0] * 4
+        cell.until(lambda: cell.moved[-1].state == GovernedMotion.RESTING)
+        # Others move the robot: it goes on from there, and nothing jumps back.
+        cell.stand([0.0, -0.3, 0.0, 0.0, 0.0])
+        assert cell.moved[-1].steps == 0
+    finally:
+        cell.close()
+
+
+def _places(message: Any) -> list[float]:
+    if isinstance(message, JointTrajectory):
+        return list(message.points[0].positions)
+    return list(message.data if isinstance(message, Float64MultiArray) else message.position)
+
+
+def test_a_robot_without_a_description_is_named(model: Path) -> None:
+    graph = Graph()
+    with pytest.raises(SloshPlanError, match="command = joints needs the robot's description"):
+        graph.with_parameters(GovernorNode, model=str(model), command="joints")
+    graph.close()
