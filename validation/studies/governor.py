@@ -68,7 +68,7 @@ def drawn_cup(rng: np.random.Generator) -> tuple[Model, float]:
 
 
 def drawn(rng: np.random.Generator) -> Stream:
-    """A stream of commands (COMMANDS, 3) [m/s]; rows of NaN, and of infinity: none is sent."""
+    """Draws a cup and its commands (COMMANDS, 3) [m/s], with NaN and pauses."""
     model, height = drawn_cup(rng)
     limits = PlanLimits(height, acceleration=5.0, jerk=74.0)
     speed = rng.uniform(0.1, 0.5)
@@ -77,7 +77,7 @@ def drawn(rng: np.random.Generator) -> Stream:
 
 
 def drawn_commands(rng: np.random.Generator, scale: Array, jitter: float, period: float) -> Array:
-    """Commands (COMMANDS, D) of a size (D,), with swings near a period [s]; see `drawn`."""
+    """Draws commands (COMMANDS, D) of a size (D,), with swings near a period [s]; see `drawn`."""
     count = len(scale)
     commands, t = np.zeros((COMMANDS, count)), PERIOD * np.arange(COMMANDS)
     at = 0

@@ -36,7 +36,7 @@ def _urdf() -> str:
 
 
 def six_axes() -> GovernedArm:
-    """The arm, with the cup upright."""
+    """Returns the arm, with the cup upright."""
     arm = Arm(_urdf(), CUP)
     limits = with_defaults(limits_of(arm, arm.carrying), ACCELERATION, JERK)
     return GovernedArm(arm, limits, np.array(UPRIGHT))
