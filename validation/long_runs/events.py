@@ -132,7 +132,7 @@ def report(
     bags, wanted = event_bags(folder), given.events
     differing: list[str] = []
     overloaded: list[str] = []
-    limits = with_limit = late = 0
+    limits = with_limit = late = unjudged = 0
     for bag in tqdm(bags, unit="bag", desc="replayed", leave=False):
         run = RecordedRun(bag)
         causes = [one.cause for one in noted_events(run.facts.get("events", ""))]
@@ -143,7 +143,13 @@ def report(
         except SloshBagError as error:
             differing.append(f"{bag.name}: {error}")
             continue
-        wrong = [f"{bag.name}: {name}" for name in EXACT if not found[name].exact]
+        wrong = [
+            f"{bag.name}: {name}"
+            for name in EXACT
+            if not found[name].exact and found[name].recorded + found[name].missing
+        ]
+        # One that begins before the first state of a node has nothing to compare.
+        unjudged += not all(found[name].recorded for name in EXACT)
         lost = lost_messages(run.facts)
         if wrong and lost:
             overloaded.append(
@@ -157,11 +163,12 @@ def report(
     print(f"bags whose comparisons differ, by the monitor's deadlines: {late}")
     for line in differing:
         print(f"  {line}")
+    print(f"bags with nothing to compare, before a node's first state: {unjudged}")
     print(f"bags not judged, for messages that an overloaded machine lost: {len(overloaded)}")
     for line in overloaded:
         print(f"  {line}")
     grown = [name for name, sizes in memory.items() if has_grown(name, sizes, given.every)]
-    blind = len(overloaded) > OVERLOADED * wanted
+    blind = len(overloaded) + unjudged > max(OVERLOADED * wanted, 1)
     return int(with_limit != wanted or told != wanted or bool(differing or grown) or blind)
 
 

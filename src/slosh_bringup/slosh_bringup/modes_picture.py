@@ -49,8 +49,7 @@ def write_modes_picture(path: Path, model: Model, rows: tuple[ModeRow, ...]) -> 
                 draw_direction(one, plan, row)
             else:
                 draw_mode(one, model, row)
-        for one in axes[:, 0]:
-            one.set_ylabel("y [mm]" if len(plan) else "height above the still surface [mm]")
+        figure.supylabel("y [mm]" if len(plan) else "height above the still surface [mm]")
         figure.suptitle(model.container.described)
 
 

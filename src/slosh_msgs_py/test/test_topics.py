@@ -57,8 +57,8 @@ def test_inputs_are_what_the_robot_its_planner_and_its_camera_publish():
     }
     assert inputs == {
         "accel", "imu", "pose", "twist", "planned_trajectory", "desired_twist", "desired_pose",
-        "desired_joints", "desired_joint_trajectory", "desired_joint_values", "force",
-        "level", "level_point",
+        "desired_joints", "desired_joint_trajectory", "desired_joint_values",
+        "force", "level", "level_point",
         "camera/image_raw", "camera/image_raw/compressed", "camera/camera_info",
     }  # fmt: skip
     assert topics.cell_name("/slosh/camera/points").is_input
