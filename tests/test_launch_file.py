@@ -84,6 +84,17 @@ def test_services_page_and_robot(described, tmp_path):
     }
 
 
+def test_a_governor_of_commands_or_of_joints(described, tmp_path):
+    nodes = described(govern="twist")
+    assert list(nodes)[-1] == "governor"
+    assert nodes["governor"][1] == {"model": nodes["estimator"][1]["model"], "command": "twist"}
+    nodes = described(govern="joint_values", urdf="arm.urdf", tool_frame="cup")
+    robot = {"urdf": str(tmp_path / "arm.urdf"), "tool_frame": "cup"}
+    assert robot.items() <= nodes["governor"][1].items()
+    with pytest.raises(ValueError, match=r"governor: command = 'spoon' must be one of twist"):
+        LaunchedCell({"govern": "spoon"}, NOW, print)
+
+
 @pytest.mark.parametrize(
     ("arguments", "waits", "readers"),
     [

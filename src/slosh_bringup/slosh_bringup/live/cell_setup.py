@@ -24,7 +24,8 @@ REMAPPABLE = (
     *(one.name for one in (*topics.SERVICES, *topics.ACTIONS) if one.remappable),
 )
 """Topics and services of the nodes, by the names that `remap` knows."""
-READING = ("input", "urdf", "tool_frame")
+ROBOT = ("urdf", "tool_frame")
+READING = ("input", *ROBOT)
 """Keys of a cell file that are the estimator's parameters of the same name."""
 EVENTS = "events"
 RECORD = ("complete", EVENTS)
@@ -89,7 +90,8 @@ class CellSetup:
         if self.record:
             own["recorder"]["mode"] = self.record
         if self.govern:
-            own["governor"] = {"model": str(self.model), "command": self.govern}
+            robot = {key: self.reading[key] for key in ROBOT if key in self.reading}
+            own["governor"] = {"model": str(self.model), "command": self.govern, **robot}
         names = [name for name in NODES_OF_A_CELL if name in own]
         for container, name in self.camera_nodes.items():
             own[name] = {"calibration": str(self.cameras[container]), "container": container}
