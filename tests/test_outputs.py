@@ -244,12 +244,14 @@ class Case:
         writes: the file that is written, or of a folder that must be new the folder itself.
         long: the same over data of whose results the writing takes a while; empty: it never does.
         limit: largest file that the system lets it write [bytes]; FULL: the disk itself is full.
+        library: optional library that it needs; without it the case is skipped.
     """
 
     line: str
     writes: str
     long: str = ""
     limit: int = 100
+    library: str = ""
 
     @property
     def others(self):
@@ -336,7 +338,9 @@ CASES = {
     ),
     "new": Case("new OUT/new --radius 0.05 --fill-height 0.07", "new"),
     "ingest": Case("ingest SHOP/recording --store OUT/new", "new"),
-    "query --page": Case("query --store SHOP/stored --page OUT/a.html", "a.html", limit=2_000),
+    "query --page": Case(
+        "query --store SHOP/stored --page OUT/a.html", "a.html", limit=2_000, library="duckdb"
+    ),
     "modes": Case("modes SHOP/model.yaml -o OUT/a.yaml", "a.yaml"),
     "motion": Case("motion quintic --speed 30 --stroke 0.1 -o OUT/a.csv", "a.csv"),
     "motion-map": Case(
@@ -412,6 +416,8 @@ def results_of_before(name, shop, place):
 @pytest.mark.parametrize("name", mostly_long(CASES, QUICK))
 def test_a_full_disk_leaves_what_was_there(shop, place, name):
     case = CASES[name]
+    if case.library:
+        pytest.importorskip(case.library, reason=f"{case.library} is not installed (requirements)")
     with small_disk(place, "size=4m") if case.limit == FULL else nullcontext():
         results_of_before(name, shop, place)
         if case.limit == FULL:
