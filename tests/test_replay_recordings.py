@@ -66,7 +66,7 @@ def test_chunks_do_not_matter(eventful, tmp_path, monkeypatch, chunk):
     sources = find_sources(in_many, BagReader(in_many))
     readers = [BagReader(bag) for bag in (in_one, in_many)]
     counts = [
-        len(list(feed(reader, sources, {}, InputBlocks(reader, sources, InputSettings()))))
+        len(list(feed(reader, sources, {}, InputBlocks(reader, sources, InputSettings()), set())))
         for reader in readers
     ]
     assert counts[0] == 1
