@@ -5,13 +5,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from slosh_estimator.inputs import WantedInput
 from slosh_estimator.robot import available
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
+from slosh_plan.joints import Arm
 from slosh_replay.replay import replay_bag, replay_table
-from slosh_replay.tables.antisloshing import import_antisloshing
+from slosh_replay.tables.antisloshing import (
+    JOINTS,
+    import_antisloshing,
+    read_arm,
+    read_joints,
+    read_poses,
+)
 from slosh_tables.motion_table import read_motion_table
 from slosh_testing.robot_runs import RUNS, write_runs
 
@@ -88,6 +96,28 @@ def test_joints_of_a_real_robot_give_the_heights_of_its_poses(tmp_path):
         assert np.sqrt(np.nanmean(apart**2)) < 5e-5, bag.name
         compared += 1
     assert compared == 13
+
+
+@pytest.mark.skipif(not ANTISLOSHING.is_dir(), reason=f"no measured runs in {ANTISLOSHING}")
+@pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
+def test_the_kinematics_of_a_real_robot_give_its_poses():
+    """The pose tables are those of a forearm of 0.6471 m on a base turned by 3.14, not by π."""
+    data = read_arm(ANTISLOSHING)
+    assert data is not None
+    assert len(data.joints) == 13
+    text = data.urdf.replace('xyz="0.54707 0.0 0.0"', 'xyz="0.5471 0.0 0.0"')
+    assert text != data.urdf
+    arm, base = Arm(text, "container", "comau"), Rotation.from_euler("z", 3.14 - np.pi)
+    apart = []
+    for path in data.joints.values():
+        joints, poses = read_joints(path), read_poses(ANTISLOSHING / "poses" / path.name)
+        position, attitude = arm.poses(JOINTS, joints[:, 1:])
+        turned = base * Rotation.from_quat(attitude)
+        off = turned.inv() * Rotation.from_quat(poses[:, 4:])
+        assert off.magnitude().max() < 1e-9, path.name
+        apart.append(base.apply(position) - poses[:, 1:4])
+    origin = np.mean(apart[0], axis=0)
+    assert max(np.abs(one - origin).max() for one in apart) < 1e-6
 
 
 @pytest.mark.skipif(not CFD.is_dir(), reason=f"no CFD tables in {CFD}")
