@@ -18,6 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -100,12 +101,15 @@ class Meter:
         publisher.publish = counted
 
 
-def measure(executor: Any, meter: Meter, namespace: str, seconds: float) -> tuple[float, float]:
-    """Returns the processor time per answered message [s], and the share answered."""
+def measure(
+    executor: Any, meter: Meter, namespace: str, seconds: float, script: str = __file__
+) -> tuple[float, float]:
+    """Returns the processor time per answered message [s], and the share answered.
+
+    `script` is the benchmark that sends; see `run`.
+    """
     total = round(seconds * RATE) + WARM_UP
-    sender = subprocess.Popen(
-        [sys.executable, __file__, "--send", namespace, "--count", str(total)]
-    )
+    sender = subprocess.Popen([sys.executable, script, "--send", namespace, "--count", str(total)])
     first = meter.count + WARM_UP
     deadline = time.monotonic() + PATIENCE
     while meter.count < first and time.monotonic() < deadline:
@@ -160,11 +164,23 @@ def compare(seconds: float, turns: int) -> dict[str, Any]:
     }
 
 
-def main() -> int:
-    """Prints the result as JSON; returns 1 if the required ratio is not reached."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seconds", type=float, default=5.0)
-    parser.add_argument("--turns", type=int, default=5)
+def run(
+    description: str,
+    compare: Callable[[float, int], dict[str, Any]],
+    kept: Callable[[dict[str, Any]], bool],
+    send: Callable[[str, int], None],
+) -> int:
+    """Prints the result of a comparison as JSON; returns 1 if its goals are not kept.
+
+    Args:
+        description: of the benchmark.
+        compare: makes the result from the seconds of a turn and the number of turns.
+        kept: whether a result keeps the goals.
+        send: publishes a number of inputs in a namespace; the process that `measure` starts.
+    """
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--seconds", type=float, default=5.0, help="duration of a turn [s]")
+    parser.add_argument("--turns", type=int, default=5, help="number of turns")
     parser.add_argument("--send", metavar="NAMESPACE", help=argparse.SUPPRESS)
     parser.add_argument("--count", type=int, default=0, help=argparse.SUPPRESS)
     given = parser.parse_args()
@@ -173,8 +189,15 @@ def main() -> int:
         return 0
     result = compare(given.seconds, given.turns)
     print(json.dumps(result))
-    kept = result["ratio"] <= GOAL and result["observer_ratio"] <= OBSERVER_GOAL
-    return 0 if kept else 1
+    return int(not kept(result))
+
+
+def main() -> int:
+    """Compares the estimator node with the simplest node."""
+    return run(
+        (__doc__ or "").splitlines()[0], compare,
+        lambda found: found["ratio"] <= GOAL and found["observer_ratio"] <= OBSERVER_GOAL, send,
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -9,12 +9,9 @@ take turns, as in bench_estimator_node.py. The ratio is that of the medians over
 
 from __future__ import annotations
 
-import argparse
 import gc
-import json
 import math
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
@@ -22,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from bench_estimator_node import MODEL, PATIENCE, RATE, WARM_UP, Meter
+from bench_estimator_node import MODEL, RATE, Meter, measure, run
 from geometry_msgs.msg import AccelStamped, PoseStamped
 
 from slosh_estimator.nodes.estimator_node import EstimatorNode
@@ -63,24 +60,6 @@ def send(namespace: str, count: int) -> None:
     rclpy.shutdown()
 
 
-def measure(executor: Any, meter: Meter, namespace: str, seconds: float) -> float:
-    """Returns a node's processor time per answered message [s]."""
-    total = round(seconds * RATE) + WARM_UP
-    words = [sys.executable, __file__, "--send", namespace, "--count", str(total)]
-    sender = subprocess.Popen(words)
-    first, deadline = meter.count + WARM_UP, time.monotonic() + PATIENCE
-    while meter.count < first and time.monotonic() < deadline:
-        executor.spin_once(timeout_sec=0.1)
-    begin, at = time.process_time(), meter.count
-    while sender.poll() is None and meter.count - at < total - WARM_UP:
-        executor.spin_once(timeout_sec=0.1)
-    spent, answered = time.process_time() - begin, meter.count - at
-    sender.wait(PATIENCE)
-    if not answered:
-        raise SystemExit(f"{namespace}: no message was answered")
-    return spent / answered
-
-
 def compare(seconds: float, turns: int) -> dict[str, Any]:
     """Measures both nodes in turns; the first turn is not counted."""
     rclpy.init()
@@ -100,7 +79,7 @@ def compare(seconds: float, turns: int) -> dict[str, Any]:
     costs: dict[str, list[float]] = {name: [] for name in meters}
     for turn in range(turns + 1):
         for name, meter in meters.items():
-            cost = measure(graph.executor, meter, name, seconds)
+            cost, _ = measure(graph.executor, meter, name, seconds, __file__)
             if turn:
                 costs[name].append(1e6 * cost)
     told = nodes[COMPARED]._second.facts()
@@ -114,19 +93,10 @@ def compare(seconds: float, turns: int) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Prints the result as JSON; returns 1 if the goal is missed."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seconds", type=float, default=5.0)
-    parser.add_argument("--turns", type=int, default=5)
-    parser.add_argument("--send", default="", help=argparse.SUPPRESS)
-    parser.add_argument("--count", type=int, default=0, help=argparse.SUPPRESS)
-    given = parser.parse_args()
-    if given.send:
-        send(given.send, given.count)
-        return 0
-    result = compare(given.seconds, given.turns)
-    print(json.dumps(result))
-    return 0 if result["ratio"] <= GOAL else 1
+    """Compares the estimator node with and without a second source."""
+    return run(
+        (__doc__ or "").splitlines()[0], compare, lambda found: found["ratio"] <= GOAL, send
+    )
 
 
 if __name__ == "__main__":

@@ -8,9 +8,7 @@ as in bench_estimator_node.py. The ratio is that of the medians over the turns.
 
 from __future__ import annotations
 
-import argparse
 import gc
-import json
 import statistics
 import sys
 import tempfile
@@ -18,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from bench_estimator_node import MODEL, Meter, measure
+from bench_estimator_node import MODEL, Meter, measure, run, send
 
 from slosh_estimator.nodes.estimator_node import EstimatorNode
 from slosh_testing.graph import Graph
@@ -66,14 +64,10 @@ def compare(seconds: float, turns: int) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Prints the result as JSON; returns 1 if the goal is missed."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seconds", type=float, default=5.0)
-    parser.add_argument("--turns", type=int, default=5)
-    given = parser.parse_args()
-    result = compare(given.seconds, given.turns)
-    print(json.dumps(result))
-    return 0 if result["ratio"] <= GOAL else 1
+    """Compares the estimator node for one cup and for a tray of four."""
+    return run(
+        (__doc__ or "").splitlines()[0], compare, lambda found: found["ratio"] <= GOAL, send
+    )
 
 
 if __name__ == "__main__":
