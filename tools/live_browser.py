@@ -18,7 +18,6 @@ import time
 import urllib.request
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from headless_browser import FLAGS, find_browser
@@ -52,12 +51,7 @@ class LiveBrowser:
         self._port = int(told.read_text().split("\n", 1)[0])
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._tabs.close()
         self._process.kill()
         self._process.wait()

@@ -10,7 +10,6 @@ import threading
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import NamedTuple
 
 _MARK = "\x1e"
@@ -59,12 +58,7 @@ class Shell:
     def __enter__(self) -> Shell:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         # Whatever it has started, in the background too, is of its session.
         os.killpg(self._bash.pid, signal.SIGTERM if kind is None else signal.SIGKILL)
         self._bash.wait()
