@@ -74,7 +74,7 @@ class PredictionRecord:
         self.reset()
 
     def reset(self) -> None:
-        """Forgets the outcomes; predictions that wait for their motion are kept."""
+        """Clears the outcomes; keeps predictions whose motion has not been executed yet."""
         self.count = 0
         self.last: Outcome | None = None
         self._absolute = self._relative = 0.0

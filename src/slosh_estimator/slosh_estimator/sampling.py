@@ -97,7 +97,7 @@ class Sampling:
         self._judge()
 
     def take(self, interval_ns: int, *, restarted: bool) -> None:
-        """Records the interval between two used samples.
+        """Records the interval between two consecutive accepted samples.
 
         Args:
             interval_ns: the time [ns]; 0: there is none.

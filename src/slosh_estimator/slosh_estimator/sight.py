@@ -146,7 +146,7 @@ class ClockWatch:
 
 
 class Sight:
-    """Stores when heights were last compared.
+    """Stores when an estimated height was last compared with a measured one.
 
     Args:
         timeout: after so long without it the monitor is blind [s]; it may be changed.

@@ -312,7 +312,7 @@ class Container(ABC):
 
     @property
     def one_directional(self) -> bool:
-        """Whether each mode moves along a direction of its own: two for each mode number."""
+        """Whether each mode has its own direction, so that a number stands for two modes."""
         return False
 
     def axes(self, masses: int) -> float:

@@ -71,7 +71,7 @@ class Wall:
         return WallPlace(*self._columns(height))
 
     def places(self, heights: Array) -> dict[str, Array]:
-        """Returns the liquid's highest positions for wave heights (N,), by field of WallPlace."""
+        """Returns where (N,) waves reach highest on the wall, by field of WallPlace."""
         return dict(zip(WallPlace._fields, self._columns(heights), strict=True))
 
     def _columns(self, height: Any) -> tuple[Any, ...]:

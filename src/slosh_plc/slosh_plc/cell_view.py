@@ -106,7 +106,7 @@ class CellView:
             }
 
     def silence(self, now: float) -> float:
-        """Returns the time since the newest comparison [s]; infinite before the first one."""
+        """Returns the time since the last SloshComparison [s]; infinite before the first one."""
         with self._lock:
             return now - self._heard_at
 

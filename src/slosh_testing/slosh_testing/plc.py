@@ -1,4 +1,4 @@
-"""Servers of a cell's state whose state tests change, and an MQTT broker of this machine."""
+"""For tests: PLC servers with a state that the test sets, and a local MQTT broker."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def _has_messages(content: bytes) -> bool:
 
 
 def check_message_index(content: bytes) -> None:
-    """Checks that a message index fits into its record and is not followed by a hidden chunk.
+    """Checks that a message index fills its record, so that no chunk is skipped behind it.
 
     Raises:
         DamageError: it does not fit.

@@ -33,7 +33,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--speed", type=SPEED, required=True, metavar="N", help="operating speed n [1/min]"
     )
     parser.add_argument(
-        "--stroke", type=length(10.0), required=True, metavar="S", help="stroke per cycle [m]"
+        "--stroke",
+        type=length(10.0),
+        required=True,
+        metavar="S",
+        help="distance that the container moves in each cycle [m]",
     )
     parser.add_argument(
         "--ratio", type=float, default=0.4, metavar="B",

@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--quota", type=SIZE, default=0.0, metavar="SIZE",
-        help="total size of the bags, such as 20GB: the oldest beyond it are too much, event "
+        help="largest total size of the bags, such as 20GB; beyond it the oldest go, event "
         "bags last",
     )  # fmt: skip
     parser.add_argument(

@@ -60,7 +60,7 @@ class OtherCells:
                 self.hear_settings(name, message)
 
     def hear_comparison(self, name: str, message: SloshComparison, now: float) -> None:
-        """Passes a cell's comparison to the list of cells."""
+        """Updates a cell's entry in the list from its SloshComparison message."""
         self.cells.take_comparison(name, hearing.compared(message), now)
 
     def hear_settings(self, name: str, message: NodeSettings) -> None:

@@ -43,7 +43,7 @@ class KnownCamera:
 
 
 def read_known_camera(path: str | Path) -> KnownCamera:
-    """Reads the camera's keys, and the container's if present, from a file; ignores others.
+    """Reads the camera entries, and the container entries if present, from a file.
 
     Args:
         path: file of ROS camera_calibration, or a camera.yaml.

@@ -29,7 +29,7 @@ class SurfaceDetector(Protocol):
         """Describes why the image of the liquid at rest is ambiguous; empty if it is not."""
 
     def learn_still(self, image: Image, /) -> float:
-        """Uses an image of the liquid at rest as reference; returns its level's offset [m]."""
+        """Takes an image of the liquid at rest as reference; returns its level above zero [m]."""
 
     def measure(self, stamp_ns: int, image: Image, /) -> Measurement:
         """Measures the free surface in a single image, without using other images."""

@@ -67,7 +67,7 @@ class SharedNoise:
         return cls(np.ascontiguousarray(directions[:, matters]), sizes[matters] ** 2)
 
     def removed(self, values: Array) -> Array:
-        """Whitens this noise in a series, or in each column of several, to unit variance."""
+        """Whitens this noise to unit variance in one series, or in each column of an array."""
         return self._scaled(values, 1.0 / np.sqrt(1.0 + self.variances) - 1.0)
 
     def added(self, white: Array) -> Array:

@@ -361,7 +361,7 @@ def _least(residual: Array, columns: NDArray[np.float64]) -> float:
 
 
 def _distinct(best: Sequence[Start], count: int) -> list[Start]:
-    """Returns the best initial values, including the best for each discrete choice."""
+    """Returns the best initial values of the fit, at least one for each discrete choice."""
     chosen = list(best[:count])
     variants = {tuple(start.explanation.chosen.items()) for start in chosen}
     for start in best[count:]:

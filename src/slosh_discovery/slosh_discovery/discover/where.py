@@ -1,4 +1,4 @@
-"""Locates the model's error: residuals by time, phase, amplitude and other parts of the data.
+"""Locates the model's error: residuals grouped by time, phase, amplitude and motion.
 
 Each partition (time, phase, amplitude, direction, frequency) divides every measured sample, so its
 shares of the base model's squared residual add up to 1. The inputs are no partition: for each, how

@@ -1,4 +1,4 @@
-"""Reads bags whose measured heights have another clock and another zero than the motion.
+"""Reads bags whose measured heights use another clock and zero level than the motion does.
 
 Such a bag is one run. The measured times are shifted so that the heights lie over the motion as
 well as a model can tell; what is left of the offset is unknown and small.

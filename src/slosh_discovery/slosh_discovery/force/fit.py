@@ -190,7 +190,7 @@ def directions(rigid: Array) -> Array:
 
 
 def _rigid(data: PreparedForce, rigid: Array, across: Array) -> tuple[float, Array]:
-    """Returns sensor delay [s] and axes, one per column, for liquid that moves like a solid."""
+    """Fits the force sensor's delay [s] and axes (columns), as if the liquid were a rigid body."""
     span, step = TUNING.delay_span, TUNING.delay_step
     best: tuple[float, float, Array] | None = None
     total = np.linalg.norm((data.force - np.median(data.force, axis=0))[data.usable])

@@ -297,7 +297,7 @@ def _answered(model: Model, trial: Trial) -> FittedVector:
 
 
 def _heights_and_clock(estimate: FittedVector, trial: Trial) -> tuple[Array, float]:
-    """Returns heights [m] with the measurement's clock and zero level, and clock offset [s]."""
+    """Returns modelled heights [m] as measured (clock, zero level), and the clock's offset [s]."""
     problem = estimate.problem
     place = problem.trials.index(trial)
     heights = problem.predicted([estimate.vector])[0][place]

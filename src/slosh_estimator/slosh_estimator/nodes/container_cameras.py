@@ -177,7 +177,7 @@ def container_point(message: TrayEstimate, index: int) -> EstimatePoint:
 
 
 def measured_point(message: FreeSurface) -> MeasuredPoint:
-    """Returns the measurement in a camera's message."""
+    """Returns the measured heights and their stamp from a camera node's message."""
     surfaces = Surfaces(*(getattr(message, name) for name in Surfaces._fields))
     (wave,), (axis,) = (column.tolist() for column in measured_waves(surfaces))
     return MeasuredPoint(

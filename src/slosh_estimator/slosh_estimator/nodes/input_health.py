@@ -103,7 +103,7 @@ def fault_facts(source: AnyInput) -> dict[str, str]:
 
 
 def rate_facts(source: AnyInput) -> dict[str, str]:
-    """Returns the input's rate, its gain for each sloshing mode, and the delay."""
+    """Returns the input's rate, and its differentiation's delay and gain per sloshing mode."""
     sampling = source.sampling
     if not sampling.interval_ns:
         return {}

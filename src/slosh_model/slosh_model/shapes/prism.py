@@ -70,7 +70,7 @@ class PrismaticContainer(SolvedContainer):
 
     @property
     def one_directional(self) -> bool:
-        """Whether each mode moves along a direction of its own: two for each mode number."""
+        """Whether each mode has its own direction, so that a number stands for two modes."""
         return len({row.turn for row in self._rows}) > 1
 
     @property
@@ -174,7 +174,7 @@ class PrismaticContainer(SolvedContainer):
         return prism_modes(_plane_modes(outline, count), self.fill_height)
 
     def surface_shape(self, n: int, axis: int = 0) -> tuple[Array, Array]:
-        """Returns a straight line, since the surface's shape is not stored."""
+        """Returns a straight line as the surface's shape, since the model stores no mode shape."""
         places = np.linspace(0.0, self.reaches[axis], 2)
         return places, places / places[-1]
 

@@ -181,7 +181,7 @@ def cut_above(places: Array, height: float) -> Array:
 
 
 def _joined(above: Sequence[Piece], below: Sequence[Piece]) -> tuple[Array, Array, Array]:
-    """Returns lengths along a wall, heights above the still surface, and radii there [m].
+    """Returns the wall's arc lengths, heights above the still surface, and radii [m].
 
     Where the wall goes down again on its way, the place is the one that is reached first.
     """

@@ -33,7 +33,7 @@ def node_of(info: TopicEndpointInfo) -> str:
 
 
 class Rivals:
-    """Watches the publishers of a topic that a node subscribes to.
+    """Detects further publishers of a topic that a node subscribes to.
 
     Args:
         node: the node.

@@ -26,7 +26,7 @@ _NOWHERE = (math.nan,) * 3
 def governor_of(
     held: Model | Tray, parameters: Mapping[str, Any], arm: GovernedArm | None = None
 ) -> Governor:
-    """Creates the governor of a node.
+    """Creates the motion governor from a node's parameters.
 
     Args:
         held: the container's model, or a tray.

@@ -211,7 +211,7 @@ def path_chart(report: PlanReport, axes_shown: tuple[int, int], size: Size, name
 
 
 def _top(series: ChartSeries) -> float:
-    """Returns the upper end of the vertical axis, by the limit and the planned motion."""
+    """Returns the upper end of the vertical axis, from the limit and the planned motion."""
     planned = float(np.max(series.lines[-1][1]))
     if series.limit is not None:
         return HEADROOM * max(series.limit, planned)

@@ -109,7 +109,7 @@ class Interval:
 
     @property
     def curve(self) -> int:
-        """Number of columns that are interpolated along the leg of the path."""
+        """Number of columns of joint demands that are interpolated along a leg of the path."""
         return CURVE if self.joints is None else self.joints.width
 
     @property

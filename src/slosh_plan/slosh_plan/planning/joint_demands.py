@@ -38,7 +38,7 @@ class JointDemands:
 
     @property
     def width(self) -> int:
-        """Number of columns that are interpolated along the leg of the path."""
+        """Number of columns of joint demands that are interpolated along a leg of the path."""
         count = len(self.limits.names)
         return CURVE + TURN + ORDERS * count * (2 if self.torques else 1)
 

@@ -49,7 +49,7 @@ class _Sums:
         self.clean, self.raw = RunningAccuracy(), RunningAccuracy()
 
     def add(self, raw: Array, clean: Array, model: Array) -> None:
-        """Adds heights (N,) [m]; NaN where the camera or the model gives none."""
+        """Adds heights (N,) [m] to the error sums; NaN where the camera or model gives none."""
         self.raw.update_many(raw, model)
         self.clean.update_many(clean, model)
 

@@ -47,7 +47,7 @@ class _Estimator(NamedTuple):
         return misfit if misfit < TOLERANCE * steps * self.period_ns else None
 
     def after(self, used: int, stamp_ns: int) -> _Estimator:
-        """Returns the record of this estimator with one more of its estimates."""
+        """Returns a copy of this record with one more estimate."""
         steps = used - self.used
         return _Estimator(used, stamp_ns, (stamp_ns - self.stamp_ns) // steps)
 

@@ -143,7 +143,7 @@ class ReplayedEstimator:
     def _due(
         self, stamps: Integers, restarts: Sequence[int]
     ) -> list[tuple[int, Callable[[], None]]]:
-        """Returns restarts, model changes and parameter changes at inputs with these stamps.
+        """Returns the restarts, model changes and parameter changes due at the given input stamps.
 
         Args:
             stamps: (N,) [ns].
