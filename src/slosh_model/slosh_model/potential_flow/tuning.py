@@ -35,7 +35,7 @@ class PotentialFlowTuning:
     # plane.py
     outline_parts: float = number(15.0, "1", "first triangles across an outline")
     narrow_parts: float = number(10.0, "1", "and across its narrower extent")
-    whole: float = number(1.6, "1", "first size over a whole outline, of that over a part")
+    whole: float = number(1.4, "1", "first size over a whole outline, of that over a part")
     asymmetry: float = number(1e-4, "1", "distance of a symmetric outline from its mirror image")
 
 
