@@ -300,6 +300,21 @@ def corner_azimuth(height_x, height_y, radius_x, radius_y):  # type: ignore[no-u
 
 
 @compiled
+def highest_on_wall(run, height_x, height_y):  # type: ignore[no-untyped-def]
+    """Returns the maximum height [m] on the wall of a running model's container.
+
+    Args:
+        run: its record of `layout.RUN`.
+        height_x, height_y: wall heights at the container's +x and +y [m].
+    """
+    if run["corner_count"] != 0.0:
+        return highest_at_corners(run["corners"], int(run["corner_count"]), height_x, height_y)
+    if run["cornered"] != 0.0:
+        return corner_height(height_x, height_y)
+    return math.sqrt(height_x * height_x + height_y * height_y)
+
+
+@compiled
 def highest_and_azimuth(run, first, height_x, height_y):  # type: ignore[no-untyped-def]
     """Returns the maximum wall height [m] and its azimuth [rad] in a running model's container.
 
@@ -308,18 +323,13 @@ def highest_and_azimuth(run, first, height_x, height_y):  # type: ignore[no-unty
         height_x, height_y: wall heights at the container's +x and +y [m].
     """
     reach_x, reach_y = first["radius"], first["radius_y"]
+    azimuth = math.atan2(height_y, height_x)
     if run["corner_count"] != 0.0:
         corners, count = run["corners"], int(run["corner_count"])
-        return (
-            highest_at_corners(corners, count, height_x, height_y),
-            azimuth_at_corners(corners, count, height_x, height_y, reach_x, reach_y),
-        )
-    if run["cornered"] != 0.0:
-        return (
-            corner_height(height_x, height_y),
-            corner_azimuth(height_x, height_y, reach_x, reach_y),
-        )
-    return math.sqrt(height_x * height_x + height_y * height_y), math.atan2(height_y, height_x)
+        azimuth = azimuth_at_corners(corners, count, height_x, height_y, reach_x, reach_y)
+    elif run["cornered"] != 0.0:
+        azimuth = corner_azimuth(height_x, height_y, reach_x, reach_y)
+    return highest_on_wall(run, height_x, height_y), azimuth
 
 
 @compiled

@@ -34,8 +34,10 @@ def highest_at_corners(corners, count, height_x, height_y):  # type: ignore[no-u
     Args:
         corners: (MOST_CORNERS, 2), of which the first `count` are the wall's.
         count: at least 3.
-        height_x, height_y: at the reaches along x and y [m].
+        height_x, height_y: at the reaches along x and y [m]; NaN: so is the maximum.
     """
+    if height_x != height_x or height_y != height_y:
+        return math.nan  # a comparison with NaN would leave 0
     best = 0.0  # its mean is 0: never below
     for k in range(count):
         best = max(best, corners[k, 0] * height_x + corners[k, 1] * height_y)
@@ -46,6 +48,8 @@ def highest_at_corners(corners, count, height_x, height_y):  # type: ignore[no-u
 def azimuth_at_corners(corners, count, height_x, height_y, reach_x, reach_y):  # type: ignore[no-untyped-def]
     """Returns the azimuth [rad] of the maximum: a corner, or the middle of a side as high."""
     best = highest_at_corners(corners, count, height_x, height_y)
+    if best != best:
+        return math.nan
     x = y = 0.0
     if best > 0.0:
         for k in range(count):

@@ -154,6 +154,13 @@ def test_a_box_without_its_symmetry_is_the_box():
             assert row.turn == pytest.approx(0.4, abs=1e-6)
 
 
+def test_an_unknown_height_on_a_wall_with_corners_stays_unknown():
+    container = jar(((0.0, 0.0), (0.1, 0.0), (0.03, 0.08)))
+    heights = np.array([math.nan, 0.001, math.nan]), np.array([0.001, math.nan, math.nan])
+    assert np.isnan(container.msh(*heights)).all()
+    assert np.isnan(container.azimuth(*heights)).all()
+
+
 # ---- relations
 
 

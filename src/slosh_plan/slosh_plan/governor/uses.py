@@ -15,9 +15,8 @@ from slosh_base.compiled.compilation import compiled
 from slosh_model.batch_kernel import advance_lanes
 from slosh_model.constants import GRAVITY
 from slosh_model.indices import GAIN, GAIN_Y, POSE_COUNT
-from slosh_model.kernel import constants_of, corner_height, lightness, turned
+from slosh_model.kernel import constants_of, highest_on_wall, lightness, turned
 from slosh_model.layout import records
-from slosh_model.outline_wall import highest_at_corners
 from slosh_plan.governor.layout import (
     ARM_X,
     BASE,
@@ -71,24 +70,19 @@ def _simulated(stores, cup, driven, which, intervals, count, heights):  # type: 
 
 
 @compiled
-def _on_wall(run, x, y, both_ways):  # type: ignore[no-untyped-def]
-    """Returns the greatest height on a container's wall [m].
+def _at_any_phase(run, x, y):  # type: ignore[no-untyped-def]
+    """Returns the greatest height on the wall [m] of two waves whose crests may meet anyhow.
 
     Args:
-        run: its record of `layout.RUN`.
-        x, y: wall heights at its +x and +y; or, `both_ways`, amplitudes of either sign in the axes
-            of its modes [m].
+        run: the container's record of `layout.RUN`.
+        x, y: their amplitudes in the axes of the modes [m].
     """
-    count = int(run["corner_count"])
-    if count == 0:
-        return corner_height(x, y) if run["cornered"] != 0.0 else math.sqrt(x * x + y * y)
-    if not both_ways:
-        return highest_at_corners(run["corners"], count, x, y)
+    if run["corner_count"] == 0.0:  # alike in all quadrants
+        return highest_on_wall(run, x, y)
     best = 0.0
-    for sign in (-1.0, 1.0):
-        along, across = turned(x, sign * y, -run["axes"])
-        best = max(best, highest_at_corners(run["corners"], count, along, across))
-        best = max(best, highest_at_corners(run["corners"], count, -along, -across))
+    for along, across in ((x, y), (x, -y), (-x, y), (-x, -y)):
+        height_x, height_y = turned(along, across, -run["axes"])
+        best = max(best, highest_on_wall(run, height_x, height_y))
     return best
 
 
@@ -108,13 +102,14 @@ def _highest(heights, count, end, run, mode):  # type: ignore[no-untyped-def]
         return math.sqrt(top)
     for row in range(1, count):
         x, y = heights[row, 0], heights[row, 1]
-        after = beating and row >= end - 1
-        if after:
+        if x != x or y != y:
+            return math.inf
+        if beating and row >= end - 1:
             x, y = turned(x, y, run["axes"])
-            x = last_x = max(last_x, abs(x))
-            y = last_y = max(last_y, abs(y))
-        eta = _on_wall(run, x, y, after)
-        top = max(top, eta) if eta == eta else math.inf
+            last_x, last_y = max(last_x, abs(x)), max(last_y, abs(y))
+            top = max(top, _at_any_phase(run, last_x, last_y))
+        else:
+            top = max(top, highest_on_wall(run, x, y))
     return top
 
 
