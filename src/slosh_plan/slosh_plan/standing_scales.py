@@ -22,19 +22,26 @@ from slosh_model.tilt import attitude_of, feeling
 from slosh_model.tray import TrayContainer
 from slosh_plan.heights import usual_horizon
 from slosh_plan.scaling import Budget, SafeScales, fastest_scale, refined, slowest_scale
+from slosh_plan.start import LiquidState, begun
 from slosh_plan.trajectory import PEAK_SPACING, Trajectory
 from slosh_plan.tuning import TUNING
 
 
 def standing_scales(
-    one: TrayContainer, standing: Standing, trajectory: Trajectory, most: float = math.inf
+    one: TrayContainer,
+    standing: Standing,
+    trajectory: Trajectory,
+    *,
+    state: LiquidState | None = None,
+    most: float = math.inf,
 ) -> SafeScales:
     """Finds the time scales with which a container neither slides nor tips nor lifts off.
 
     Args:
         one: the container.
         standing: how it stands.
-        trajectory: motion of the tray's frame; the liquid is at rest when it begins.
+        trajectory: motion of the tray's frame.
+        state: of the liquid when it begins; None: at rest.
         most: samples that may be simulated, of all scales together.
 
     Raises:
@@ -42,6 +49,8 @@ def standing_scales(
     """
     model, budget = feeling(one.placed, attitude_of(trajectory)), Budget(most)
     horizon = usual_horizon(one.model)
+    modal = None if state is None else state.nonlinear
+    start = begun(model, modal, float(trajectory.t[0]))
 
     def stands(scales: Array) -> BoolArray:
         budget.take(
@@ -50,11 +59,14 @@ def standing_scales(
         )
         inputs = (trajectory.scaled(float(scale)).inputs(horizon) for scale in scales)
         place = np.array(one.place)
-        return np.array([standing_use(model, standing, each, place).stands for each in inputs])
+        return np.array(
+            [standing_use(model, standing, each, place, start).stands for each in inputs]
+        )
 
     fastest = fastest_scale(model.nonlinear(), trajectory)
     turning = trajectory.turns or model.uses("drive")
-    bound = None if turning else _bound(model, standing, trajectory)
+    # The bound is that of a liquid at rest.
+    bound = None if turning or state is not None else _bound(model, standing, trajectory)
     slowest = slowest_scale(trajectory, fastest, bound)
     scales = np.geomspace(fastest, slowest, TUNING.standing_scales)
     return SafeScales(

@@ -181,7 +181,10 @@ def tray_scales(
         for one in tray.present
     ]  # fmt: skip
     each += [
-        standing_scales(one, one.standing, motion, most / len(tray.present))
+        standing_scales(
+            one, one.standing, motion, state=state_of(state, one.name),
+            most=most / len(tray.present),
+        )
         for one in tray.present if one.standing is not None
     ]  # fmt: skip
     shared = each[0]

@@ -12,7 +12,7 @@ from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
 from slosh_model.standing import Standing
 from slosh_model.tray import Tray, TrayContainer
-from slosh_plan import HeightLimits, Trajectory, predict, safe_scales
+from slosh_plan import HeightLimits, LiquidState, Trajectory, predict, safe_scales
 from slosh_plan.planning.checked import LooseContainer
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
@@ -169,6 +169,27 @@ def test_safe_time_scales_count_sliding_and_tipping(friction):
     assert before.words == ("slides" if friction < 0.5 else "tips")
     slower = np.geomspace(shared.safe_from, 2.0 * shared.slowest, 20)
     assert all(use(float(scale)).stands for scale in slower)
+
+
+def test_safe_time_scales_count_the_wave_that_is_there_at_the_start():
+    """Tests that a loose cup's scales hold from the liquid's state, not only from rest."""
+    model = Model(Cylinder(0.04, 0.06)).spatial()
+    standing = replace(STANDING, base_radius=0.02, friction=0.15)
+    tray = Tray((TrayContainer("loose", model, standing=standing),))
+    motion, limits = push(1.0), HeightLimits(0.05)
+    modal = np.array([[0.012, 0.0, 0.0, 0.0]])
+    state = {"loose": LiquidState(modal, modal)}
+
+    def use(scale):
+        moved = [motion.scaled(scale)]
+        return predict_tray(tray, moved, limits=limits, state=state)[0].standing["loose"]
+
+    (found,) = predict_tray(tray, [motion], limits=limits, state=state)
+    rest, moving = (tray_scales(tray, motion, limits, found, state=one) for one in (None, state))
+    assert moving.safe_from > rest.safe_from
+    assert not use(rest.safe_from).stands
+    assert use(moving.safe_from).stands
+    assert not moving.proven
 
 
 def test_a_container_that_stands_loosely_is_not_lost():
