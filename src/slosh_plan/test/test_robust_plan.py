@@ -16,7 +16,7 @@ from slosh_plan.planning.likely import likely_models
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import plan
-from slosh_plan.planning.plan_tray import plan_container, plan_for
+from slosh_plan.planning.plan_tray import plan_container
 from slosh_plan.planning.progress import Watch
 from slosh_plan.planning.robust import plan_robust
 
@@ -97,9 +97,10 @@ def test_it_keeps_the_limits_for_parameters_that_it_has_not_seen(doubtful):
 def test_the_planners_service_plans_robustly_for_one_container(doubtful):
     model, watch = doubtful(), Watch()
     tray = Tray((TrayContainer("", model),))
-    answer, name = plan_for(tray, LINE, LIMITS, None, 0.0, 20.0, watch, robust=True)
-    usual, _ = plan_for(tray, LINE, LIMITS, None, 0.0, 20.0, Watch())
-    assert name == ""
+    found = plan_container(tray, LINE, LIMITS, time_limit=20.0, watch=watch, robust=True)
+    answer = found.plan
+    usual = plan_container(tray, LINE, LIMITS, time_limit=20.0).plan
+    assert found.one.name == ""
     assert answer.found.motion.duration > usual.found.motion.duration
 
 

@@ -6,6 +6,7 @@ from slosh_msgs_py import topics
 from slosh_msgs_py.node.parameters import ParameterSpec
 from slosh_plan.governor import ModelDoubt
 from slosh_plan.governor.parameters import POSITION, VELOCITY
+from slosh_plan.nodes.robot_parameters import JOINT_LIMITS
 from slosh_plan.planning.limits import ACCELERATION, JERK
 from slosh_plan.tuning import TUNING
 
@@ -48,9 +49,7 @@ PARAMETERS = (
     ParameterSpec("world_frame", "world", "frame of the commands, on all output"),
     ParameterSpec("urdf", "", "URDF file of the robot, for commands of joints"),
     ParameterSpec("tool_frame", "", "link of the robot that is the container or tray"),
-    ParameterSpec(
-        "joint_limits", "", "MoveIt's joint_limits.yaml, to override URDF limits; empty if unused"
-    ),
+    JOINT_LIMITS,
     ParameterSpec(
         "max_joint_acceleration", 10.0, "limit of joints that have none [rad/s² or m/s²]",
         (0.01, 1000.0),

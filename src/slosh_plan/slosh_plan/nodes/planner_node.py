@@ -31,8 +31,9 @@ from slosh_plan.nodes import plan_messages
 from slosh_plan.nodes.held_container import ContainerWatch
 from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.predict_messages import given
+from slosh_plan.nodes.robot_parameters import JOINT_LIMITS, TOOL_AND_GROUP
 from slosh_plan.planning.plan import TIME_LIMIT
-from slosh_plan.planning.plan_tray import check_plan_from, check_states, plan_for
+from slosh_plan.planning.plan_tray import check_plan_from, check_states, plan_container
 from slosh_plan.planning.progress import PlanProgress, Watch
 from slosh_plan.robot_file import robot_of
 
@@ -54,18 +55,8 @@ PARAMETERS = (
         "keep the limits for all likely values (95 %) of the model's parameters",
     ),
     ParameterSpec("urdf", "", "URDF file of the robot, for joint paths; empty if not needed"),
-    ParameterSpec("tool_frame", "", "link of the robot that holds the container"),
-    ParameterSpec(
-        "srdf", "", "MoveIt's semantic robot description (SRDF), for group; empty if unused"
-    ),
-    ParameterSpec(
-        "group", "",
-        "group of the SRDF whose joints move; others that carry the container are held at 0 "
-        "unless they are given; empty: all move",
-    ),
-    ParameterSpec(
-        "joint_limits", "", "MoveIt's joint_limits.yaml, to override URDF limits; empty if unused"
-    ),
+    *TOOL_AND_GROUP,
+    JOINT_LIMITS,
 )  # fmt: skip
 REPLY = 0.2
 """Of the service's time is kept for its reply,"""
@@ -202,10 +193,12 @@ class PlannerNode(PreparedNode):
             check_states(tray, limits, self._estimate.state_for(tray))
         watch.enter("path")
         longest = min(given(request.time_limit, self._values["time_limit"]), longest)
-        answer, container = plan_for(
-            tray, asked.path(tray.turning.model, watch.stopped), limits, asked.attitude,
-            given(request.margin, 0.0), longest, watch, robust=self._values["robust"],
+        planned = plan_container(
+            tray, asked.path(tray.turning.model, watch.stopped), limits,
+            attitude=asked.attitude, margin=given(request.margin, 0.0), time_limit=longest,
+            watch=watch, robust=self._values["robust"],
         )  # fmt: skip
+        answer, container = planned.plan, planned.one.name
         motion = answer.found.motion
         self._large.add(len(motion.t))
         if most is not None and len(motion.t) > most:

@@ -26,6 +26,7 @@ from slosh_plan.nodes import predict_messages
 from slosh_plan.nodes.held_container import ContainerWatch
 from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.planned_motions import PlannedMotions
+from slosh_plan.nodes.robot_parameters import TOOL_AND_GROUP
 from slosh_plan.robot_file import robot_of
 from slosh_plan.scaling import COUNT
 from slosh_plan.trajectory import MOST_POINTS
@@ -53,15 +54,7 @@ PARAMETERS = (
         read_only=False,
     ),
     ParameterSpec("urdf", "", "URDF file of the robot, for joint motions; empty if not needed"),
-    ParameterSpec("tool_frame", "", "link of the robot that holds the container"),
-    ParameterSpec(
-        "srdf", "", "MoveIt's semantic robot description (SRDF), for group; empty if unused"
-    ),
-    ParameterSpec(
-        "group", "",
-        "group of the SRDF whose joints move; others that carry the container are held at 0 "
-        "unless they are given; empty: all move",
-    ),
+    *TOOL_AND_GROUP,
     ParameterSpec("container_frame", "container", "container's frame in all published messages"),
 )  # fmt: skip
 LIMITS = ("limit", "residual_limit")

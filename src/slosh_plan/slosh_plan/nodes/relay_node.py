@@ -30,6 +30,7 @@ from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_plan.nodes.held_container import ContainerWatch
 from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.relayed_goal import Relayed, RelayRules, WrongJointsError, relayed
+from slosh_plan.nodes.robot_parameters import JOINT_LIMITS, TOOL_AND_GROUP
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.progress import Watch
 from slosh_plan.robot_file import robot_of
@@ -42,18 +43,8 @@ PARAMETERS = (
         "model", "", "model.yaml of the container and its liquid, or tray.yaml of several"
     ),
     ParameterSpec("urdf", "", "URDF file of the robot"),
-    ParameterSpec("tool_frame", "", "link of the robot that holds the container"),
-    ParameterSpec(
-        "srdf", "", "MoveIt's semantic robot description (SRDF), for group; empty if unused"
-    ),
-    ParameterSpec(
-        "group", "",
-        "group of the SRDF whose joints move; others that carry the container are held at 0 "
-        "unless they are given; empty: all move",
-    ),
-    ParameterSpec(
-        "joint_limits", "", "MoveIt's joint_limits.yaml, beside the URDF's limits; empty if unused"
-    ),
+    *TOOL_AND_GROUP,
+    JOINT_LIMITS,
     ParameterSpec(
         "controller", "",
         "action of the robot's controller, such as /arm_controller/follow_joint_trajectory",

@@ -22,7 +22,7 @@ from slosh_plan.nodes.plan_messages import joint_points
 from slosh_plan.nodes.predict_messages import joint_columns
 from slosh_plan.planning.execution import execution_of
 from slosh_plan.planning.limits import PlanLimits
-from slosh_plan.planning.plan_tray import check_plan_from, plan_for
+from slosh_plan.planning.plan_tray import check_plan_from, plan_container
 from slosh_plan.planning.progress import Watch
 from slosh_plan.planning.waypoints import JointWaypoints
 from slosh_plan.robot_file import CarryingRobot
@@ -185,7 +185,9 @@ def _retimed(
 ) -> Relayed:
     robot = rules.robot
     path = robot.path(given, tray.turning.model.container, NAME, watch.stopped)
-    answer, _ = plan_for(tray, path, rules.limits, None, 0.0, rules.time_limit, watch)
+    answer = plan_container(
+        tray, path, rules.limits, time_limit=rules.time_limit, watch=watch
+    ).plan
     if state is not None:
         check_plan_from(tray, answer, rules.limits, None, state)
     motion = answer.found.motion

@@ -114,29 +114,6 @@ def plan_tray(
     )
 
 
-def plan_for(
-    tray: Tray,
-    path: Path,
-    limits: PlanLimits,
-    attitude: Array | None,
-    margin: float,
-    time_limit: float,
-    watch: Watch,
-    *,
-    robust: bool = False,
-) -> tuple[Plan, str]:
-    """Plans as `plan_container`; returns the plan and the name of the container.
-
-    Args:
-        tray, path, limits, attitude, margin, time_limit, watch, robust: as of that.
-    """
-    found = plan_container(
-        tray, path, limits, attitude=attitude, margin=margin, time_limit=time_limit, watch=watch,
-        robust=robust,
-    )  # fmt: skip
-    return found.plan, found.one.name
-
-
 def plan_container(
     tray: Tray,
     path: Path,

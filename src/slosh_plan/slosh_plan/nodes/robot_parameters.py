@@ -1,0 +1,22 @@
+"""Parameters of nodes that plan or judge motions of a robot's joints; see `robot_file`."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from slosh_msgs_py.node.parameters import ParameterSpec
+
+TOOL_AND_GROUP: Final = (
+    ParameterSpec("tool_frame", "", "link of the robot that holds the container"),
+    ParameterSpec(
+        "srdf", "", "MoveIt's semantic robot description (SRDF), for group; empty if unused"
+    ),
+    ParameterSpec(
+        "group", "",
+        "group of the SRDF whose joints move; others that carry the container are held at 0 "
+        "unless they are given; empty: all move",
+    ),
+)  # fmt: skip
+JOINT_LIMITS: Final = ParameterSpec(
+    "joint_limits", "", "MoveIt's joint_limits.yaml, to override URDF limits; empty if unused"
+)
