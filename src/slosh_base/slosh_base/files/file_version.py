@@ -1,8 +1,8 @@
 """Versions of the formats of the YAML files that people keep: models, cells, cameras, manifests.
 
 A file's key `version` says for which version of its format it is written; without it that is 0.
-Older files are read as if they were of today; `slosh migrate` rewrites them. Newer ones are refused.
-A new version of a format is one entry more in its `steps`.
+Older files are read as if they were of today, and `slosh migrate` rewrites them; newer ones are
+refused. A new version of a format is one entry more in its `steps`.
 """
 
 from __future__ import annotations
@@ -82,9 +82,9 @@ def read_versioned(path: str | Path, file_format: FileFormat) -> YamlDocument:
 def parse_versioned(
     text: str, source: str, file_format: FileFormat, longest: int = LONGEST
 ) -> YamlDocument:
-    """Parses a file of any version; its value has today's keys, and no key `version`.
+    r"""Parses a file of any version; its value has today's keys, and no key `version`.
 
-    >>> parse_versioned("version: 1\\ncontainer: {radius: 0.05}", "cup.yaml", MODEL).value
+    >>> parse_versioned("version: 1\ncontainer: {radius: 0.05}", "cup.yaml", MODEL).value
     {'container': {'radius': 0.05}}
 
     Args:

@@ -11,7 +11,7 @@ from slosh_base.files.file_version import FORMATS, migrated
 from slosh_base.files.plain_text import plain_line
 from slosh_base.files.yaml_document import LONGEST
 
-EPILOG = """Files of older versions are read as they are; this makes them ready for the next version.
+EPILOG = """Files of older versions are read as they are; this makes them ready for the next one.
 Only the key `version` and renamed keys change: comments, order and numbers stay."""
 
 
@@ -22,9 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "files", nargs="+", type=Path, metavar="FILE", help=f"files to rewrite, such as {names}"
     )
-    parser.add_argument(
-        "--dry-run", action="store_true", help="only tell what would be rewritten"
-    )
+    parser.add_argument("--dry-run", action="store_true", help="only tell what would be rewritten")
 
 
 def run(arguments: argparse.Namespace) -> int:
