@@ -294,7 +294,7 @@ class RecorderNode(GuardedNode):
         return level, sentence
 
     def _look_for_shared(self) -> list[str]:
-        """Returns topics that have several publishers but should have only one."""
+        """Returns topics that may have only one publisher but carry messages of several."""
         shared = [
             topic
             for topic, entry in self._inputs.items()
@@ -369,7 +369,7 @@ def _why(status: RecorderStatus) -> str:
 
 
 def stated_topics(settings: NodeSettings) -> set[str]:
-    """Returns the topics that a node's settings name; the graph may not tell who reads a topic."""
+    """Returns the topics that a node's recorded settings list, as the graph may omit some."""
     try:
         document = parse_yaml(settings.document, settings.node).value
     except YamlError:

@@ -100,7 +100,7 @@ def facts(model: Model, rows: tuple[ModeRow, ...]) -> dict[str, Any]:
 
 
 def _surface(model: Model, row: ModeRow) -> list[list[float]] | None:
-    """Returns a mode's positions along its axis [m] and heights per amplitude; None: not known."""
+    """Returns the points (position [m], relative height) of a mode's surface; None if unknown."""
     if not model.container.surface_known:
         return None
     try:

@@ -180,7 +180,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _gantry(arguments: argparse.Namespace, tray: Tray, limits: HeightLimits) -> int:
-    """Prints the limits of a machine whose strokes are not known."""
+    """Prints safe accelerations for a machine whose strokes are not known in advance."""
     if arguments.trajectories or tray.is_tray:
         raise SloshBringupError("--gantry: needs the model of one container, and no TRAJECTORY")
     if arguments.output or arguments.plot or arguments.page:

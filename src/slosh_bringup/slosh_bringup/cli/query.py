@@ -79,7 +79,7 @@ def _text(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Returns a value of DuckDB as JSON has it; what JSON has not becomes text or null."""
+    """Converts a DuckDB value to a JSON value: dates and other types to text, infinity to null."""
     if isinstance(value, float):
         return value if abs(value) < float("inf") else None
     if value is None or isinstance(value, bool | int | str):

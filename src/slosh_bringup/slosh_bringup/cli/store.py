@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints the bags, and deletes the surplus if asked to."""
+    """Prints the stored bags; with --delete, deletes those beyond the limits."""
     retention = Retention(round(arguments.quota), arguments.days, arguments.event_days)
     now = time.time()
     bags = stored_bags(arguments.runs, now)
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def as_text(bags: Sequence[StoredBag], found: Surplus, is_deleted: bool) -> str:
-    """Returns the table of the bags."""
+    """Formats the stored bags as a text table that marks those beyond the limits."""
     fate = "deleted" if is_deleted else "would be deleted"
     rows = [("written", "MB", "kind", "", "bag")]
     for bag in bags:
@@ -83,7 +83,7 @@ def as_text(bags: Sequence[StoredBag], found: Surplus, is_deleted: bool) -> str:
 
 
 def as_json(bags: Sequence[StoredBag], found: Surplus, is_deleted: bool) -> str:
-    """Returns the bags as JSON; times in seconds since 1970, sizes in bytes."""
+    """Formats the stored bags as JSON; times in seconds since 1970, sizes in bytes."""
     rows = [
         {
             "folder": str(bag.folder), "written": bag.written, "size": bag.size,

@@ -133,7 +133,7 @@ def make_live_report(
 
 
 def _events_line(folder: Path, bags: Sequence[Path]) -> str:
-    """Describes which limit events were recorded and how to view them."""
+    """Describes the recorded event bags in one line, with the command that replays them."""
     if not bags:
         return "no event was recorded"
     names = ", ".join(bag.name for bag in bags[-MOST_NAMED:])

@@ -78,7 +78,7 @@ def governor_row() -> ReplayedNode:
 
 
 class _Step(NamedTuple):
-    """What a recorded step tells of its inputs.
+    """The inputs that the governor had received at a recorded step.
 
     Attributes:
         stamp_ns: of the step [ns].
@@ -169,7 +169,7 @@ class ReplayedGovernor:
 
 
 def _governor_of(start: NodeStart, places: tuple[float, ...]) -> Governor:
-    """Creates the governor of a recorded start."""
+    """Creates the governor from the settings that the node recorded at a start."""
     model, files = model_of(start), start.files
     arm = None
     if "urdf" in files:

@@ -94,7 +94,7 @@ class CalmNews(NamedTuple):
 
 
 class GovernorNews(NamedTuple):
-    """Displayed fields of a GovernedMotion: followed share of the command, state and reason."""
+    """Displayed fields of a GovernedMotion: fraction of the command followed, state and reason."""
 
     share: float
     state: int
