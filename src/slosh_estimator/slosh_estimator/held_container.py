@@ -1,4 +1,4 @@
-"""What the robot's gripper holds: a container with its fill height, or nothing."""
+"""Content of the robot's gripper: a container with its fill height, or nothing."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TRAY_PLACE: Final = "tray_place"
 
 @dataclass(frozen=True, slots=True)
 class HeldContainer:
-    """What the robot's gripper holds: a container with its fill height, or nothing.
+    """Content of the robot's gripper: a container with its fill height, or nothing.
 
     Attributes:
         model: of the container; where it is empty, of the last one.

@@ -147,7 +147,7 @@ class Monitor:
         return stamp_ns
 
     def carry(self, tray: Tray, stamp_ns: int = 0) -> None:
-        """Monitors the containers of a tray, each by its own limit.
+        """Sets the containers of the tray that are monitored, each with its own limit.
 
         Args:
             tray: the tray.

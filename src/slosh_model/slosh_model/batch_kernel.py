@@ -265,7 +265,7 @@ def _rotate_inputs(lanes, w):  # type: ignore[no-untyped-def]
 
 @compiled
 def _along_modes(lanes, w, at):  # type: ignore[no-untyped-def]
-    """Keeps of each lane's inputs at a place what drives a mode along its direction."""
+    """Projects each lane's inputs on the direction of its mode, if the mode has a fixed one."""
     if w[ALONG] == 0.0 and w[ALONG + LANES] == 0.0:  # lanes of a block are alike in this
         return
     for k in range(lanes):

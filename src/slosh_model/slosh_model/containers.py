@@ -304,7 +304,7 @@ class Container(ABC):
 
     @property
     def corners(self) -> Array:
-        """Corners (K, 2) of a wall over any outline, relative to the reaches along x and y.
+        """Corners (K, 2) of a wall over any outline, divided by the reaches along x and y.
 
         None where it is round or a rectangle.
         """

@@ -74,7 +74,7 @@ def in_axes(inputs, axes):  # type: ignore[no-untyped-def]
 
 @compiled
 def along_mode(inputs, x, y):  # type: ignore[no-untyped-def]
-    """Returns the part of the inputs that drives a mode along (x, y); (0, 0): all of them."""
+    """Returns the inputs' part along the direction (x, y) of a mode; all inputs for (0, 0)."""
     if x == 0.0 and y == 0.0:
         return inputs
     share = x * inputs[AX] + y * inputs[AY]

@@ -1,4 +1,4 @@
-"""Limits for machines that move a container in straight strokes that nobody knows beforehand.
+"""Limits for machines whose straight strokes of the container are not known in advance.
 
 A gantry or a laboratory robot accelerates, moves at a constant speed and brakes; how long each
 part lasts depends on the protocol. The limits hold for the worst lengths of all parts: a family of

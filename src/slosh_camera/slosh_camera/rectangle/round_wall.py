@@ -115,7 +115,7 @@ def round_wall(
 
 
 def _shrinking(view: RoundView) -> float:
-    """Returns the curvature of the resting line on the far half relative to the near half."""
+    """Returns the far half's curvature relative to the near half's, for the line at rest."""
     inner = view.body.size
     return (view.distance - inner) / (view.distance + inner)
 

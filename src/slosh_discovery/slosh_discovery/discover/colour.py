@@ -149,7 +149,7 @@ class Whitening:
 
 
 def _recursion(order: Places, shares: Array, brought: Array) -> Array:
-    """Solves x[i] = shares[i] x[before[i]] + brought[i]; shares are 0 where a series starts."""
+    """Computes the recursion x[i] = shares[i] x[before[i]] + brought[i] along every series."""
     bands = np.ones((2, len(order)))
     bands[1, :-1] = -shares[order][1:]
     solved = np.empty_like(brought)

@@ -194,7 +194,7 @@ class PreparedMotion:
         return np.asarray(relative * self._scale)
 
     def laid(self, values: Array) -> Array:
-        """Returns values of the used heights as an array (times, azimuths), NaN elsewhere."""
+        """Returns the values as an array (times, azimuths), with NaN for the unused heights."""
         laid = np.full(self.kept.shape, np.nan)
         laid[self.kept] = values
         return laid

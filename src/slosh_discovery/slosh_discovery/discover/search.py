@@ -261,7 +261,7 @@ class Search:
 
     @staticmethod
     def _ways(explanation: Explanation, name: str) -> tuple[bool, ...]:
-        """Returns whether an effect is tried with parameters shared by all groups, or separate."""
+        """Returns which sharings of an effect's parameters to try: between all groups, or none."""
         return (False, True) if _may_differ(explanation, name) else (False,)
 
     def _may_join(self, name: str, explanation: Explanation) -> bool:
@@ -318,7 +318,7 @@ def _carried(one: Fit) -> Part:
 
 
 def _joined(carried: Part, name: str, values: Mapping[str, float]) -> Part:
-    """Returns a function of effect and group that also knows one more effect's parameters."""
+    """Returns a function of effect and group that also contains one more effect's parameters."""
     return lambda effect, group: values if effect == name else carried(effect, group)
 
 

@@ -94,7 +94,7 @@ class ObserverOutput:
         self._action.destroy()
 
     def follow(self, sample: Sample, flags: int) -> None:
-        """Advances the observer by one input sample; `flags` tells the validity of that sample."""
+        """Advances the observer by one input sample, whose validity flags are `flags`."""
         state = self.observer.follow(sample, flags)
         if state is None:
             return

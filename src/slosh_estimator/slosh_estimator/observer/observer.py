@@ -352,7 +352,7 @@ class Observer:
         )  # fmt: skip
 
     def _bounded(self, out: list[float], slowest: float) -> tuple[float, float]:
-        """Returns the bounds of the wave's envelope; not below what measurements show."""
+        """Returns the bounds of the wave's envelope, at least the wave that measurements show."""
         since = math.inf if self._moved_ns is None else self._newest_ns - self._moved_ns
         bound, sure = self._bounds.update(
             Envelope(

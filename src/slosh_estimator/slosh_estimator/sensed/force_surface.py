@@ -96,7 +96,7 @@ class ForceSurface:
 
     @property
     def wrong(self) -> str:
-        """What is wrong with the force, in one line, while no heights are told; else empty."""
+        """Fault of the measured force that prevents heights, in one line; empty if none."""
         return self._load.wrong
 
     def take_force(self, stamp_ns: int, fx: float, fy: float, fz: float) -> list[SensedWave]:

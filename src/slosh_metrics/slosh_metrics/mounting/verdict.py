@@ -50,7 +50,7 @@ class Expected(NamedTuple):
 
 
 class MountingVerdict(NamedTuple):
-    """What is known about a sensor's mounting.
+    """Result of a mounting check: faults, remarks, the fit and the measured rotation.
 
     Attributes:
         wrong: what is wrong, with the remedy, a clause each; empty: nothing is known to be.

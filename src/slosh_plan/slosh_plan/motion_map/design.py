@@ -185,7 +185,7 @@ def _program(
     size = 2 * COUNT + 2
 
     def rows(block: Array, column: int | None, least: Array) -> tuple[Array, Array]:
-        """Returns the inequalities |block · weights + least| ≤ a column's unknown, or ≤ 1."""
+        """Returns the rows of |block · weights + least| ≤ bound: a column's unknown, or 1."""
         full = np.zeros((2 * len(block), size))
         full[:, :COUNT] = np.concatenate([block, -block])
         bound = np.concatenate([-least, least])

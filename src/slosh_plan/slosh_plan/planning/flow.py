@@ -158,7 +158,7 @@ def flow_of(model: Model) -> Flow:
 
 
 def first_mode(model: Model, modal: Array) -> Array:
-    """Returns (N, 4) the states of `Flow` of a simulated motion.
+    """Returns the first mode's states (N, 4) in a simulated motion, as `Flow` defines them.
 
     Args:
         model: the model.

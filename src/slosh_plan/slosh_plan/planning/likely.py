@@ -44,7 +44,7 @@ class LikelyModels:
     steps: Array
 
     def nearer(self, index: int, share: float) -> Model:
-        """Returns a model that differs from the most likely one by a share of what another does.
+        """Returns a model whose parameter errors are a fraction of those of another model.
 
         Args:
             index: of the other.

@@ -52,7 +52,7 @@ def upper_heights(
     attitude: Array | None,
     error: ModelError | None,
 ) -> tuple[Array, Array]:
-    """Simulates a motion with many models.
+    """Returns the heights of a motion with many models, and the upper ends of their intervals.
 
     Args:
         models: the models.
@@ -200,7 +200,7 @@ class RegionSearch:
         asked: PlanLimits,
         factors: Sequence[float],
     ) -> Iterator[tuple[PathSearch, Legs]]:
-        """Yields an optimisation with initial guesses, each for when the last one failed."""
+        """Yields an optimisation with an initial guess, and others in case that it fails."""
         problem = self._problem(start.legs, others)
         for factor in factors:
             legs = tuple(leg.slowed(factor) for leg in start.legs)

@@ -166,7 +166,7 @@ class OptimalSearch:
         return "the search's time was up" if late else "the search was stopped"
 
     def checked(self, legs: Legs) -> CheckedMotion | None:
-        """Simulates the motion of an optimisation's result; None if it is too long, or not one."""
+        """Simulates the motion of an optimisation's result; None if its duration is invalid."""
         duration = sum(leg.duration for leg in legs)
         if not (math.isfinite(duration) and 0.0 < duration < LONGEST):
             return None

@@ -1,4 +1,4 @@
-"""The comparisons of a camera that sees a container behind a tray's first, in a replay."""
+"""Compares the camera of a tray's container, other than the first, with a replay's estimates."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def _monitored(heights: Messages, index: int) -> MonitoredHeights:
 def container_nodes(
     starts: Sequence[NodeStart], tray_names: Sequence[str]
 ) -> tuple[ReplayedNode, ...]:
-    """Returns a node for each container of a tray whose camera a recorded monitor compared.
+    """Returns a replayed node for each container of a tray that has a camera of its own.
 
     Args:
         starts: of the recorded nodes.

@@ -61,7 +61,7 @@ class MotionWithTerms:
         return cls(model, motion, inputs, np.searchsorted(inputs.t, moments))
 
     def heights(self, terms: Sequence[Term], coefficients: Sequence[float]) -> Array:
-        """Returns the heights (times, azimuths) [m] at the sensor, by the model with the terms.
+        """Returns the sensor's heights (times, azimuths) [m] that the extended model predicts.
 
         Raises:
             SloshModelError: the solution runs away.
