@@ -163,7 +163,7 @@ def tray_scales(
     count: int = COUNT,
     most: float = math.inf,
 ) -> SafeScales:
-    """Returns the time scales with which every container keeps its limits, and its place.
+    """Returns the time scales with which each container keeps its limits and stays in place.
 
     Args:
         tray, motion, limits, state, horizon: as above.

@@ -123,10 +123,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--plot", type=Path, metavar="OUT.png",
-        help="picture of the motions side by side to write (.png, .svg)",
+        help="picture to write, with the motions side by side (.png, .svg)",
     )  # fmt: skip
     parser.add_argument(
-        "--page", type=Path, metavar="OUT.html", help="page with results and charts to write"
+        "--page", type=Path, metavar="OUT.html", help="HTML page to write, with results and charts"
     )
     parser.add_argument("--json", action="store_true", help="print the results as JSON")
     add_table_options(parser)

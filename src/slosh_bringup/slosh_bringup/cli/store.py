@@ -31,16 +31,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--quota", type=SIZE, default=0.0, metavar="SIZE",
-        help="largest total size of the bags, such as 20GB; beyond it the oldest go, event "
-        "bags last",
+        help="largest total size of the bags, such as 20GB (default: no limit); above it "
+        "the oldest bags are selected for deletion, event bags last",
     )  # fmt: skip
     parser.add_argument(
-        "--days", type=float, default=0.0, metavar="N", help="age of complete bags [day]"
-    )
+        "--days", type=float, default=0.0, metavar="N",
+        help="largest age of complete bags [day] (default: no limit)",
+    )  # fmt: skip
     parser.add_argument(
-        "--event-days", type=float, default=0.0, metavar="N", help="age of event bags [day]"
-    )
-    parser.add_argument("--delete", action="store_true", help="delete what is too old or too much")
+        "--event-days", type=float, default=0.0, metavar="N",
+        help="largest age of event bags [day] (default: no limit)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--delete", action="store_true",
+        help="delete the bags beyond these limits (default: only list them)",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the bags as JSON")
 
 

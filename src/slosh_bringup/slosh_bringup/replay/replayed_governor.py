@@ -101,7 +101,7 @@ class _Step(NamedTuple):
     places: tuple[float, ...]
 
     def command(self, size: int) -> Command:
-        """Returns the newest velocity command of the step, with `size` coordinates."""
+        """Returns the step's newest velocity command, with `size` coordinates."""
         sent = 0 if math.isnan(self.age) else self.stamp_ns - round(self.age * SECOND)
         velocity, target = self.velocity[:size], self.target[:size]
         if not any(map(math.isnan, target)):

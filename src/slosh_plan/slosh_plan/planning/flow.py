@@ -59,7 +59,7 @@ class Flow:
     axes: float = 0.0
 
     def turned(self, vector: Sequence[Expression], angle: float) -> Sequence[Expression]:
-        """Rotates pairs of horizontal components, of which a vector begins with one or has two."""
+        """Rotates pairs of horizontal components (x, y) of a vector by an angle [rad]."""
         if self.axes == 0.0:
             return vector
         c, s, found = math.cos(angle), math.sin(angle), list(vector)

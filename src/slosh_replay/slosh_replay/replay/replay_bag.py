@@ -367,7 +367,7 @@ def _columns(
     topic: NodeTopic | None,
     lacking: set[str],
 ) -> Columns:
-    """Returns the columns of a block; fields that an older version lacked have their value."""
+    """Returns the columns of a block; fields that an older version lacked have a default value."""
     later = {} if topic is None else topic.later
     try:
         return read.columns(block, names)
