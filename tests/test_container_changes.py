@@ -260,7 +260,7 @@ def test_a_camera_that_contradicts_the_fill_says_so_within_two_seconds_of_rest(
         stamps = [to_nanoseconds(one.header.stamp) for one in seen]
         robot.until(lambda: noisy("-6.0 ±" in robot.health["monitor"][1]), "the level in words")
         assert "check the fill height" in robot.health["monitor"][1]
-        robot.until(lambda: noisy("that was told" in robot.health["camera"][1]), "the camera")
+        robot.until(lambda: noisy("that was set" in robot.health["camera"][1]), "the camera")
         robot.call(ChangeContainer, topics.CHANGE_CONTAINER, fill_height=fill - 0.006)
         robot.until(lambda: noisy(robot.comparisons[-1].state == Condition.OK), "agreement")
     assert stamps[-1] - stamps[0] < 2 * SECOND

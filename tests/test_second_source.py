@@ -78,7 +78,7 @@ def cell(folder: Path, domain: int, *others: NodeProcess, **own: str) -> Iterato
         with NodeGroup("/slosh", folder / "logs", node_environment(domain)) as group:
             for process in (NodeProcess("estimator", (), given), *others):
                 group.start(process)
-            arm.until(lambda: arm.fact("no motion of both yet"), "both to be heard")
+            arm.until(lambda: arm.fact("no common motion yet"), "both to be heard")
             yield arm
     finally:
         arm.close()

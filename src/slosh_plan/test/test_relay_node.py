@@ -264,7 +264,7 @@ def test_one_point_is_reached_from_where_the_joints_stand(cell: Cell) -> None:
     point = JointTrajectoryPoint(positions=[0.3, 0.1], time_from_start=to_duration(4 * 10**9))
     given.points = [point]
     done = cell.got(cell.send(given).get_result_async())
-    assert "nothing tells where joint 'shoulder' stands" in done.result.error_string
+    assert "the position of joint 'shoulder' is unknown" in done.result.error_string
     states = cell.publisher(JointState, topics.JOINT_STATES, qos.STREAM_OUT)
     states.publish(JointState(name=["elbow", "shoulder"], position=[0.05, 0.1]))
     cell.until(lambda: "shoulder" in cell.relay._standing, "the joints")

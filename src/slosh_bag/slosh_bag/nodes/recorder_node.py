@@ -251,7 +251,7 @@ class RecorderNode(GuardedNode):
             return response
         self._take()
         now_ns = self.get_clock().now().nanoseconds
-        self._happen(self._core, Happening(Cause.REQUEST, now_ns, f"asked for by {topics.KEEP}"))
+        self._happen(self._core, Happening(Cause.REQUEST, now_ns, f"requested by {topics.KEEP}"))
         response.success = self._core.box.is_writing
         response.message = str(self._core.path) if response.success else self._core.box.failure
         return response

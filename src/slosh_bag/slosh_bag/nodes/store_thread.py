@@ -29,7 +29,9 @@ STORE_PARAMETERS = (
         bounds=(0.0, 1e5),
     ),
     ParameterSpec(
-        EVENT_DAYS, 0.0, "the same for event bags [day]; 0.0: no limit", bounds=(0.0, 1e5)
+        EVENT_DAYS, 0.0,
+        "age from which event bags of other runs are deleted [day]; 0.0: no limit",
+        bounds=(0.0, 1e5),
     ),
 )  # fmt: skip
 """How much of a cell's recordings is kept; see `slosh store`."""

@@ -24,7 +24,7 @@ from slosh_msgs_py.stamps import to_nanoseconds
 
 MOST = 16
 """Changes that wait for their moment."""
-TRAY_STAYS = "the cell carries a tray: ask change_container, with tray_place"
+TRAY_STAYS = "the cell carries a tray: call change_container, with tray_place"
 FARTHEST_NS = 3600 * SECOND
 """A moment so far ahead is of another clock."""
 _NAME = re.compile(r"[\w-][\w.-]*")

@@ -93,7 +93,8 @@ PARAMETERS = (
         "container_frame"
     ),
     _dynamic(
-        "max_gap", _GATE.max_gap, "longest gap in the input integrated across [s]", (1e-3, 1.0)
+        "max_gap", _GATE.max_gap,
+        "longest gap in the input that the models bridge [s]", (1e-3, 1.0),
     ),
     _dynamic(
         "max_age", _GATE.max_age,

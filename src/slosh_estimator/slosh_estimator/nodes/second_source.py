@@ -123,7 +123,7 @@ class SecondSource:
         sensor, motion = self._names
         verdict, watch = self._verdict, self._watch
         if verdict is None or watch is None:
-            return told | {"second source": f"{sensor} against {motion}: no motion of both yet"}
+            return told | {"second source": f"{sensor} against {motion}: no common motion yet"}
         state = "wrong" if verdict.wrong else "right"
         told["second source"] = f"{sensor} against {motion}: {state}, motions: {watch.motions}"
         seen = "; ".join((*verdict.remarks, *(f"not seen: {text}" for text in verdict.unseen)))

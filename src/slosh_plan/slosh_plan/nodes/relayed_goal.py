@@ -132,8 +132,8 @@ def _waypoints(
         missing = [name for name in names if name not in standing]
         if missing:
             raise SloshEstimatorError(
-                f"{NAME} begins at {t[0]:.3g} s and nothing tells where joint {missing[0]!r} "
-                "stands: publish joint states, or begin at 0 s"
+                f"{NAME} begins at {t[0]:.3g} s and the position of joint {missing[0]!r} is "
+                "unknown: publish joint states, or begin at 0 s"
             )
         here = np.array([standing[name] for name in names])
         t = np.concatenate([[0.0], t])
