@@ -52,7 +52,7 @@ class HeldContainer:
         limit: float = math.nan,
         standing: Sequence[float] = (),
     ) -> HeldContainer:
-        """Returns what the gripper holds after a requested change.
+        """Returns the gripper's content after a requested change.
 
         Args:
             empty: whether the gripper is empty from then on.
@@ -123,7 +123,7 @@ class HeldContainer:
 
 
 def tray_holding(tray: Tray, index: int, held: HeldContainer, limit: float = math.nan) -> Tray:
-    """Returns a copy of the tray in which one place holds another container, or none.
+    """Returns a copy of the tray in which one place has another container, or is empty.
 
     Args:
         tray: before.
@@ -145,7 +145,7 @@ def changed_place(parameters: Mapping[str, Any]) -> str:
 
 
 def held_by(message: Any, start: Model) -> HeldContainer:
-    """Returns what the gripper holds according to a ContainerChange message.
+    """Returns the gripper's content according to a ContainerChange message.
 
     Args:
         message: as any middleware decodes it.

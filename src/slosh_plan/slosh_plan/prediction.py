@@ -145,12 +145,12 @@ class Prediction:
 
     @property
     def excess(self) -> float:
-        """Excess of the interval's upper end over the height limit [m], or 0 if it is kept."""
+        """Excess of the interval's upper end over the height limit [m], or 0 if it is below."""
         return max(self.upper - self.limits.height, 0.0)
 
     @property
     def residual_excess(self) -> float:
-        """Excess of the residual's upper end over its limit [m], or 0 if it is kept."""
+        """Excess of the residual's upper end over its limit [m], or 0 if it is below."""
         return max(self.residual_upper - self.limits.residual, 0.0)
 
     @property

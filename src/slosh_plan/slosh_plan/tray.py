@@ -56,7 +56,7 @@ class TrayPrediction(NamedTuple):
 
     @property
     def loose_words(self) -> list[str]:
-        """Sentences on loosely standing containers: used share of friction and support base."""
+        """Sentences on loosely standing containers: used fraction of friction and support base."""
         return [
             f"{name} {use.words}: {100.0 * use.friction:.0f} % of the friction, centre of "
             f"pressure at {100.0 * use.tipping:.0f} % of the base's radius"

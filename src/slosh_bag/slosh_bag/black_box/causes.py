@@ -37,7 +37,7 @@ class ComparisonWatch:
         self._disagrees = self._blind = False
 
     def take(self, comparison: SloshComparison, stamp_ns: int) -> list[Happening]:
-        """Processes a comparison of model and camera; returns the events that begin with it.
+        """Processes a SloshComparison message; returns the events that begin with it.
 
         Args:
             comparison: the message.

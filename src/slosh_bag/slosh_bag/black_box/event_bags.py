@@ -225,7 +225,7 @@ class EventRecorder:
         return bag
 
     def _collect(self) -> None:
-        """Adds newly finished bags to the list of kept bags."""
+        """Adds newly finished event bags to the list of existing ones."""
         done = [bag for bag in self._open if bag.closing and not bag.closing.is_alive()]
         if not done:
             return

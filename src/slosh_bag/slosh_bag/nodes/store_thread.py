@@ -38,7 +38,7 @@ STORE_PARAMETERS = (
 
 
 class StoreState(NamedTuple):
-    """Result of the last check of the folder of all runs: kept and deleted bags, and failures.
+    """Result of the last check of the folder of all runs: stored and deleted bags, failures.
 
     Attributes:
         bags: number of bags that are kept.

@@ -1,4 +1,4 @@
-"""`slosh store`: shows which bags of a cell's runs are kept, and deletes old ones on request."""
+"""`slosh store`: lists the bags of a cell's runs, and deletes old ones on request."""
 
 from __future__ import annotations
 

@@ -192,7 +192,7 @@ def _replayed_report(
 
 
 def _recorded_report(title: str, data: RunData | None, result: LiveResult) -> RunReport:
-    """Creates the report from the recorded comparisons, without a replay."""
+    """Creates the report from the heights that the monitor compared live, without a replay."""
     stamps = data.stamps if data else np.empty(0, dtype=np.int64)
     columns = data.columns if data else dict.fromkeys(HEIGHTS, np.empty(0))
     order = np.argsort(stamps)

@@ -154,7 +154,7 @@ def table(result: RunResult) -> str:
 
 
 def print_replay(replayed: ReplayResult) -> None:
-    """Prints whether a replay reproduced the recorded estimates and comparisons."""
+    """Prints whether a replay reproduced the recorded estimates and monitor results."""
     parts = [
         f"{found.identical} of {found.recorded + found.missing} {name}s"
         for name, found in replayed.verified.items()

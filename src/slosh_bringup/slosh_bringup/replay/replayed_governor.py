@@ -111,7 +111,7 @@ class _Step(NamedTuple):
 
 
 class ReplayedGovernor:
-    """Replays the governor; each recorded step tells which inputs had arrived before it.
+    """Replays the governor; each recorded step shows which inputs had arrived before it.
 
     Args:
         setting: of the replay.

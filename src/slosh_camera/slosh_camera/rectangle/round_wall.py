@@ -127,7 +127,7 @@ def _mixed(values: FloatArray, likely: FloatArray) -> tuple[float, float]:
 
 
 def _functions(angles: FloatArray) -> FloatArray:
-    """Returns constant, sine and cosine of azimuths (N,) and of the doubled azimuths."""
+    """Returns columns 1, sin φ, cos φ, cos 2φ, sin 2φ for azimuths φ (N,)."""
     return np.column_stack(
         (np.ones(angles.size), np.sin(angles), np.cos(angles), np.cos(2 * angles),
          np.sin(2 * angles))

@@ -179,7 +179,7 @@ def _verdict(likely: float, before: Leftover, after: Leftover) -> tuple[Verdict,
 
 
 def _worthy(fits: Sequence[Fit], pool: Pool, share: float) -> list[Fit]:
-    """Returns the fits in which every effect removes more than a share of the error.
+    """Returns the fits in which every effect removes more than a minimum fraction of the error.
 
     Nor could any be the same for all groups where it is fitted for each.
     """

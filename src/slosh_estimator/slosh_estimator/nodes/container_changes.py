@@ -183,7 +183,7 @@ class ContainerChanges:
         )
 
     def _requested(self, request: Any, before: HeldContainer) -> HeldContainer:
-        """Returns what the gripper will hold after a request."""
+        """Returns the gripper's content after a requested change."""
         model = None
         if request.model:
             model = parse_model(request.model, "model")

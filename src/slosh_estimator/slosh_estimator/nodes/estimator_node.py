@@ -368,7 +368,7 @@ class EstimatorNode(PreparedNode):
             self._trays.publish(self._tray_message)
 
     def _take(self, index: int, held: HeldContainer, tray: Tray) -> int:
-        """Replaces a tray place's container for later inputs; returns the last input's stamp [ns].
+        """Replaces the container of one tray place for later inputs; returns the last stamp [ns].
 
         Args:
             index: of the place on the tray, from 0; of one container 0.

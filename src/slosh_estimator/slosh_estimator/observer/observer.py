@@ -300,7 +300,7 @@ class Observer:
         return True
 
     def _restart(self, now: float, *, at_rest: bool) -> None:
-        """Resets the model to rest; `at_rest` says whether the liquid is known to rest."""
+        """Resets the model to rest; `at_rest` means that the liquid is known to be at rest."""
         run, modes = divided(self._store)
         elapsed = run["elapsed"].copy()
         modes[:] = self._constants

@@ -172,7 +172,7 @@ def _worth(fit: MountingFit) -> tuple[bool, float]:
 
 
 def _explained(side: Side, fine: Solution) -> float:
-    """Returns the share of the motion, without gravity, that the fit explains."""
+    """Returns the fraction of the motion, without gravity, that the fit explains."""
     still = side.s - fine.at.gravity * side.u @ fine.at.rotation.T
     constant = side.s - side.s.mean(axis=0)
     moved = min(float(np.sum(constant * constant)), float(np.sum(still * still)))

@@ -76,7 +76,7 @@ class CheckedMotion:
     standing: Mapping[str, float] = field(default_factory=dict)
 
     def excess(self, limits: PlanLimits) -> dict[str, float]:
-        """Returns the relative excess over each limit; a value up to 0 means it is kept."""
+        """Returns the relative excess over each limit; at most 0 if the limit is not exceeded."""
         plain = ("acceleration", "jerk", "tilt_rate", "tilt_acceleration")
         shares = {name: getattr(self, name) / getattr(limits, name) - 1.0 for name in plain}
         used = {**self.joints, **self.standing}

@@ -154,7 +154,7 @@ class RegionSearch:
         return RegionFound(self.slowed(now), len(chosen), words)
 
     def slowed(self, start: Judged) -> Judged | None:
-        """Returns a motion, uniformly slowed until all limits are kept; None if that is too slow.
+        """Returns a motion, slowed until no limit is exceeded; None if that would be too slow.
 
         Args:
             start: the motion as fast as a search found it.

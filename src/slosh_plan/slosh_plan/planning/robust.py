@@ -167,7 +167,7 @@ def likely_use(
     margin: float,
     error: ModelError | None,
 ) -> float:
-    """Returns the largest share of its height limits that a motion uses for all likely parameters.
+    """Returns the largest fraction of its height limits that a motion uses for likely models.
 
     Args:
         model: the model, with the covariance of its parameters.

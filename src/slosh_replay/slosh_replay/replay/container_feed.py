@@ -66,7 +66,7 @@ class ReplayedContainerMonitor:
         self.events: list[Event] = []
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Processes estimates and measured heights; returns the comparisons."""
+        """Processes estimates and measured heights; returns comparisons of both."""
         for last_ns, tray in self._trays[self._carried :]:
             self._monitor.carry(tray, last_ns)
         self._carried = len(self._trays)
@@ -84,7 +84,7 @@ class ReplayedContainerMonitor:
 
 
 def _monitored(heights: Messages, index: int) -> MonitoredHeights:
-    """Returns the estimates of one container of a tray in the form that a monitor takes."""
+    """Converts the estimates of one container of a tray to the input format of a monitor."""
     if not len(heights.stamps):
         none, whole = np.empty(0), np.empty(0, dtype=np.int64)
         return MonitoredHeights(whole, none, none, whole)
