@@ -127,7 +127,7 @@ class TopicChoice:
         )
 
     def _row(self, topic: str) -> Topic | None:
-        """Returns a topic's table row if the cell or all cells record it, otherwise None."""
+        """Returns a topic's row in the table of topics if it is to be recorded, otherwise None."""
         if not topic.startswith(self._home):
             return self._shared.get(topic)
         row = topics.row_of(topic.removeprefix(self._home))

@@ -89,7 +89,7 @@ class HeldContainer:
         )  # fmt: skip
 
     def _stands(self, given: Sequence[float], *, other: bool) -> Standing | None:
-        """Returns how the container stands after a change.
+        """Returns mass, base and friction of the container after a change; None if held firmly.
 
         Mass, base and friction of another container do not follow from its model, which tells the
         inside alone; those of the container before would foretell a wrong fall.
@@ -140,7 +140,7 @@ def tray_holding(tray: Tray, index: int, held: HeldContainer, limit: float = mat
 
 
 def changed_place(parameters: Mapping[str, Any]) -> str:
-    """Returns the tray place that recorded settings changed; empty if they set all places."""
+    """Returns the tray place whose container recorded settings changed; empty for all places."""
     return str(parameters.get(TRAY_PLACE) or "")
 
 

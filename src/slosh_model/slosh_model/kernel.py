@@ -171,7 +171,7 @@ def unwrapped(angle, before):  # type: ignore[no-untyped-def]
 
 @compiled
 def lightness(lift, az):  # type: ignore[no-untyped-def]
-    """Returns g divided by the effective gravity on a plane surface, at most 2.
+    """Returns g divided by the effective gravity, which is limited to at least g/2.
 
     Args:
         lift: 1 where the vertical acceleration acts, else 0.

@@ -315,7 +315,7 @@ def check_start(model: Model, state: LiquidState | None, limits: HeightLimits) -
 
 
 def principal_variants(model: Model, width: float = 1.0) -> list[tuple[Model, Model]]:
-    """Returns models displaced along each principal axis of the parameters' covariance.
+    """Returns pairs of models displaced ± along each principal axis of the covariance.
 
     Args:
         model: the model; without a covariance there are none.
@@ -357,7 +357,7 @@ def _answer(model: Model, found: Extremes, quiet: float, horizon: float) -> Mode
 
 
 def _settling(model: Model, found: Extremes, quiet: float, horizon: float) -> float:
-    """Extrapolates the settling time [s] from the last simulated period by its decay."""
+    """Computes the settling time [s] by extrapolating the wave's exponential decay."""
     if found.residual <= quiet:
         return 0.0
     if not math.isfinite(found.last):

@@ -202,7 +202,7 @@ def tray_scales(
 
 
 def _open(scales: SafeScales, slowest: float) -> list[tuple[float, float]]:
-    """Returns the safe intervals of time scales; extends one that ends at the slowest scale."""
+    """Returns the safe intervals of time scales; the last one is extended to `slowest`."""
     return [(a, slowest if b == scales.slowest else b) for a, b in scales.intervals]
 
 

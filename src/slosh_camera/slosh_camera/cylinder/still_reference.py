@@ -204,7 +204,7 @@ class StillReferenceFinder:
         return SurfaceComparison(self._chooser, prior, self._wall.footprint, at_rest)
 
     def _compared_with(self, view: Unrolled, prior: Prior) -> SurfaceComparison:
-        """Creates the comparison of candidate surfaces after scoring the surface at rest."""
+        """Creates the object that compares candidate surfaces; scores the surface at rest too."""
         return self._compared(prior, self._chooser.plausible_heights(view, prior.centre, prior))
 
     def _bias(self, still: StillSurface) -> FrontBias:

@@ -136,7 +136,7 @@ def normal_equations(
 
 
 def _normal(residual: Array, slopes: Array, clocks: Array, temperature: float) -> Normal:
-    """Returns the normal equations with the clock offset projected out as a nuisance parameter."""
+    """Returns the normal equations, with the unknown clock offset eliminated by projection."""
     own = clocks[:, np.any(clocks != 0.0, axis=0)]
     columns = np.column_stack([slopes, residual])
     if own.shape[1]:

@@ -309,7 +309,7 @@ def other_frequency(base: Fit, motions: Sequence[PreparedMotion]) -> OtherFreque
 
 
 def _unlike(base: Fit, motions: Sequence[PreparedMotion], factor: float) -> float:
-    """Returns the share of the heights' power that waves of a scaled frequency do not explain."""
+    """Returns the fraction of the heights' power outside the waves of a scaled frequency."""
     models = [
         base.model_of(one.motion.group).with_effect(EFFECT, factor=factor) for one in motions
     ]

@@ -303,7 +303,7 @@ class EstimatorNode(PreparedNode):
         return InputSettings.from_parameters(self._known)._replace(modes=modes)
 
     def _feel_gravity(self) -> None:
-        """Restarts the models with gravity along the attitude that transforms now provide."""
+        """Restarts the models so that gravity follows the attitude that transforms now provide."""
         at_rest = self._values["starts_at_rest"]
         self._estimator.load_model(
             self._prepared(self._tray.first.placed), empty=self._tray.first.empty

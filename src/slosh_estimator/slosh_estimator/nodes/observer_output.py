@@ -247,7 +247,7 @@ def fill_observer_state(message: ObserverStateMessage, state: ObserverState) -> 
 
 
 def fill_stale(message: Calm, tolerance: float) -> None:
-    """Writes into a reused message that there is no input; `tolerance` is that of calm [m]."""
+    """Writes into a reused message that the input is silent; `tolerance` is that for calm [m]."""
     message.calm, message.reason = False, int(CalmReason.STALE)
     message.tolerance = tolerance
     message.envelope = message.bound = message.time_until_calm = math.nan

@@ -106,7 +106,7 @@ class Observer:
 
     @property
     def taken(self) -> int:
-        """Number of measurements that were processed, whether used or rejected."""
+        """Number of measurements that were processed, whether they were used or rejected."""
         return sum(self.counts.values())
 
     def take(self, heights: WallHeights, *, sensed: bool = False) -> None:
@@ -235,7 +235,7 @@ class Observer:
             self._note(self._use(heights) if ahead_ns <= 0 else Outcome.LATE)
 
     def _take_next(self, *, sensed: bool) -> WallHeights:
-        """Removes the next measurement from a queue and marks it as processed."""
+        """Removes and returns the next measurement of the camera or sensor queue."""
         if not sensed:
             heights = self._cameras.popleft()
             self._judged_ns = heights.stamp_ns

@@ -96,7 +96,7 @@ def judge(fit: MountingFit, expected: Expected) -> MountingVerdict:
 
 
 def _errors(covariance: Array) -> tuple[Array, Array]:
-    """Returns standard errors (3,) [rad] of rotations and their axes, the columns of (3, 3)."""
+    """Returns standard errors (3,) [rad] about principal axes, and these axes as columns."""
     values, axes = np.linalg.eigh(covariance)
     return np.sqrt(np.maximum(values, 0.0)), axes
 

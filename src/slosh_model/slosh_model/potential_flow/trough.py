@@ -278,7 +278,7 @@ class _Integrals:
         )
 
     def _bent(self, psi: Array) -> float:
-        """Returns ∫|∇∇ψ|² dA over the section."""
+        """Returns the integral ∫|∇∇ψ|² dA over the trough's section."""
         y, z = (self.continuous(load @ psi) for load in self.loads)
         (yy, yz), (zy, zz) = self.slopes
         mixed = _form(y, zz) + _form(z, yy) + float(y @ ((yz + zy.T) @ z))

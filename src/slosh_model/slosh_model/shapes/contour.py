@@ -239,5 +239,5 @@ def wetted(profile: Sequence[Piece], level: float, key: str = "profile") -> tupl
 
 
 def ends_at(pieces: Sequence[Piece]) -> tuple[Array, Array]:
-    """Returns the start and end point (2,) of a chain of curves."""
+    """Returns the start point and the end point, (2,) each, of a chain of curves."""
     return pieces[0].one(0.0), pieces[-1].one(1.0)

@@ -117,7 +117,7 @@ class PrismaticContainer(SolvedContainer):
 
     @property
     def reaches(self) -> tuple[float, float]:
-        """Distances from the centre at which heights along x and y are given [m].
+        """Distances from the centre at which the wall heights along x and y are computed [m].
 
         Half extents, or where the modes' axes are not x and y, or alike, that of the furthest
         corner.
@@ -135,7 +135,7 @@ class PrismaticContainer(SolvedContainer):
         return own.height_per_displacement * (self.reaches[axis] / own.reach)
 
     def height_distance(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns the distance from the centre to a mode's highest place along its motion [m]."""
+        """Returns the distance from the centre to where a mode's wall height is greatest [m]."""
         return self.numbers(n, axis).reach
 
     def mode_damping(self, kinematic_viscosity: float, n: int) -> float:

@@ -25,7 +25,7 @@ TOLERANCE = 1e-9
 
 
 class LooseContainer(NamedTuple):
-    """A container that stands loosely on a tray, for the check of motions.
+    """A container that stands loosely on a tray, as needed to check motions of the tray.
 
     Attributes:
         standing: how it stands.
@@ -154,7 +154,7 @@ class Checker:
 
 
 def _higher(one: CheckedMotion, other: CheckedMotion) -> CheckedMotion:
-    """Raises a motion's upper heights to the heights of another model, where these are higher."""
+    """Raises a motion's upper heights to those of another model where these are higher."""
     return replace(
         one,
         upper=max(one.upper, other.peak),

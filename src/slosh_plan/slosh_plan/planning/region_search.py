@@ -101,7 +101,7 @@ class RegionSearch:
     def judged(
         self, motion: CheckedMotion, legs: Legs = (), models: Sequence[Model] | None = None
     ) -> Judged:
-        """Simulates a motion with likely models: all of them, if none are given."""
+        """Simulates a motion with the given models, or with all likely models."""
         check, limits = self.search.check, self.search.limits
         heights, upper = upper_heights(
             models or self.likely.models, motion.motion, check.attitude, check.error
@@ -217,7 +217,7 @@ class RegionSearch:
             )  # fmt: skip
 
     def _solution(self, problem: PathSearch, guess: Legs, asked: PlanLimits) -> Judged | None:
-        """Solves an optimisation; returns the motion if it converged."""
+        """Solves an optimisation and simulates its motion; None if it did not converge."""
         search = self.search
         left = search.time_limit - search.watch.elapsed
         solution = problem.solve(asked, guess, left, search.over)

@@ -72,7 +72,7 @@ class MotionWithTerms:
         return np.asarray(read[self.rows])
 
     def sizes(self, terms: Sequence[Term]) -> tuple[Array, float]:
-        """Returns the sums of squares of each term and of the spring force [m²/s⁴]."""
+        """Returns sums of squares over time, of each term and of the spring force [m²/s⁴]."""
         _, states = self._run((), ())
         t = self.inputs.t - self.inputs.t[0]
         squares = np.zeros(len(terms))
