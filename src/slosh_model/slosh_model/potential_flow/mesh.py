@@ -198,7 +198,7 @@ def _circumcircles(triangles: Array) -> tuple[Array, Array]:
 
 
 def _inside(points: Array, edge: Array) -> Integers:
-    """Returns the corners (M, 3) of Delaunay triangles inside the boundary."""
+    """Returns the corner indices (M, 3) of the Delaunay triangles inside the boundary."""
     found: Integers = np.asarray(scipy.spatial.Delaunay(points).simplices, dtype=np.int64)
     at = points[found]
     u, v = at[:, 1] - at[:, 0], at[:, 2] - at[:, 0]

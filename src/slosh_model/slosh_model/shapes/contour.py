@@ -45,7 +45,7 @@ class Piece:
     straight: bool = False
 
     def part(self, start: float, end: float) -> Piece:
-        """Returns the part of the curve between two relative positions, perhaps reversed."""
+        """Returns the curve's part between two relative positions; reversed if end < start."""
         return replace(self, at=lambda t: self.at(start + (end - start) * np.asarray(t)))
 
     def one(self, t: float) -> Array:
