@@ -118,7 +118,7 @@ class Task:
     arm: Arm | None = None
 
     def excess(self, motion: PlannedMotion, limits: PlanLimits) -> float:
-        """Largest share by which a motion exceeds a limit, from its positions alone."""
+        """Returns a motion's largest relative excess over a limit, from its positions alone."""
         place, turned, shares = motion.position, None, []
         if self.arm is not None:
             joints = motion.joints

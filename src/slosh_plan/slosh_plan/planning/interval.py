@@ -189,7 +189,7 @@ class Interval:
         return zero, kept
 
     def _parts(self, unknowns: Expression) -> tuple[Expression, list[Expression], Expression, Any]:
-        """Returns time step, states at both ends, controls and the liquid's middle state (SI)."""
+        """Splits the unknowns: time step, end states, controls, the liquid's middle state (SI)."""
         ca = casadi()
 
         layout = self.layout
