@@ -1,4 +1,4 @@
-"""HTML page over the motions of months: trends, events by shift, the worst motions."""
+"""HTML page about months of stored motions: trends, events by shift, the worst motions."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ CHARTS: Final = (
 
 
 class Trend(NamedTuple):
-    """A chart of daily medians; `drawing` is empty where nothing is known."""
+    """A chart of daily medians; `drawing` is empty if there are no values."""
 
     name: str
     label: str
@@ -51,14 +51,14 @@ class Trend(NamedTuple):
 
 
 class BagLink(NamedTuple):
-    """A bag's path, and its address if it is on this machine's disk."""
+    """A bag's path, with its URL if the bag is on this machine's disk."""
 
     path: str
     url: str
 
 
 def render_fleet(store: FleetStore) -> str:
-    """Renders the page of a store as HTML; all texts are escaped.
+    """Renders the HTML page of a store of motions; all texts in it are escaped.
 
     Raises:
         SloshBagError: DuckDB is not installed, or the store is empty.
@@ -80,7 +80,7 @@ def _trend(
     table: MotionTable, lines: Sequence[tuple[Any, ...]], name: str, column: str, label: str,
     factor: float,
 ) -> Trend:  # fmt: skip
-    """Draws the daily medians of a column, one line for each container."""
+    """Draws the daily medians of a column of the stored motions, one line per container."""
     sql = _TREND.format(column=column)
     found = [table.query(sql, (cell, digest)).rows for cell, _, digest, _ in lines]
     if not any(found):

@@ -83,7 +83,7 @@ class NodeProcess:
 
 
 def kind_of(name: str) -> str:
-    """Returns which of NODES a node is; the camera of the container left is called camera_left."""
+    """Returns a node's type in NODES; the camera node of container `left` is `camera_left`."""
     return name if name in NODES else name.partition("_")[0]
 
 

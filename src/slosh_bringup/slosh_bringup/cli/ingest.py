@@ -15,7 +15,7 @@ than a disk, such as s3://bucket/motions, need their fsspec library (pip install
 
 
 def add_store(parser: argparse.ArgumentParser) -> None:
-    """Adds the option that names the store."""
+    """Adds the option `--store`: the folder or URL of the stored motions."""
     parser.add_argument(
         "--store", default=PLACE, metavar="STORE",
         help="folder or fsspec URL of the stored motions (default %(default)s)",

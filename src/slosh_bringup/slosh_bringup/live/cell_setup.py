@@ -159,7 +159,7 @@ def read_setup(path: Path) -> CellSetup:
 
 
 def _one_of(source: YamlDocument, key: str, known: Sequence[str]) -> str:
-    """Returns a key's value, which must be a known one; empty if the cell file lacks the key."""
+    """Returns a key's value, or an empty text; raises an error for a value that is not known."""
     value = source.value.get(key, "")
     if key in source.value and value not in known:
         raise SloshBringupError(f"{source.at(key)} = {shown(value)} must be {' or '.join(known)}")
@@ -167,7 +167,7 @@ def _one_of(source: YamlDocument, key: str, known: Sequence[str]) -> str:
 
 
 def _plc(source: YamlDocument) -> bool:
-    """Returns whether the cell file asks for the servers of controllers."""
+    """Whether the cell file enables the OPC UA, MQTT and Modbus servers for controllers."""
     value = source.value.get("plc", False)
     if not isinstance(value, bool):
         raise SloshBringupError(f"{source.at('plc')} = {shown(value)} must be true or false")
@@ -203,7 +203,7 @@ def _has_camera(source: YamlDocument) -> bool:
 
 
 def read_cameras(source: YamlDocument, model: Path) -> dict[str, Path]:
-    """Returns each camera's file by its container's name; the first or only one has no name.
+    """Returns the camera files by container name; the first or only container has no name.
 
     The key `calibration` names the file of the first container's camera, or maps names of a
     tray's containers to the files of their cameras.
@@ -232,7 +232,7 @@ def read_cameras(source: YamlDocument, model: Path) -> dict[str, Path]:
 def _file(
     source: YamlDocument, key: str, default: Path | None = None, name: str | None = None
 ) -> Path:
-    """Returns the path that a key names, or that a name in the key's mapping does."""
+    """Returns the path of the file that a key, or an entry under it, gives in the cell file."""
     value = source.value.get(key, default)
     value = value if name is None else value[name]
     if not isinstance(value, str | Path) or "\0" in str(value):
