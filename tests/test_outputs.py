@@ -32,7 +32,7 @@ PATIENCE = 60.0
 # A Header of stamp 0 with the frame "a".
 HEADER, DATA = "std_msgs/msg/Header", bytes.fromhex("000100000000000000000000020000006100")
 MANY_MESSAGES, MANY_ROWS, MANY_IMAGES = 200_000, 60_000, 40
-NO_OUTPUT = ("play", "plc", "store", "watch", "doctor", "explain", "mounting")
+NO_OUTPUT = ("migrate", "play", "plc", "store", "watch", "doctor", "explain", "mounting")
 
 
 @pytest.fixture(scope="module")

@@ -29,6 +29,7 @@ NODES: Mapping[str, str] = {
     "camera": "slosh_camera.nodes.camera_node",
     "estimator": "slosh_estimator.nodes.estimator_node",
     "governor": "slosh_plan.nodes.governor_node",
+    "markers": "slosh_bringup.nodes.markers_node",
     "monitor": "slosh_estimator.nodes.monitor_node",
     "planner": "slosh_plan.nodes.planner_node",
     "plc": "slosh_plc.nodes.plc_node",

@@ -60,6 +60,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "ingest": "add the motions of recordings to a store for queries over months",
         "query": "query the stored motions by SQL, or write a page about them",
         "store": "show which bags of a cell's runs are kept, and delete old ones",
+        "migrate": "rewrite model.yaml, cell.yaml, camera.yaml or manifest.yaml for this version",
         "recover": "recover the intact messages of an unfinished or damaged bag",
     },
     "models from measurements": {

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from slosh_base.files.errors import SloshFileError
+from slosh_base.files.file_version import CELL, read_versioned
 from slosh_base.files.nearest import did_you_mean
-from slosh_base.files.yaml_document import YamlDocument, read_yaml, shown
+from slosh_base.files.yaml_document import YamlDocument, shown
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import NodeProcess, config_folder
 from slosh_model.tray import read_tray
@@ -17,7 +18,9 @@ from slosh_msgs_py import topics
 from slosh_msgs_py.errors import SloshMessageError
 
 NAMESPACE = topics.NAMESPACE
-NODES_OF_A_CELL = ("recorder", "estimator", "camera", "sensor", "monitor", "governor", "plc")
+NODES_OF_A_CELL = (
+    "recorder", "estimator", "camera", "sensor", "monitor", "governor", "plc", "markers"
+)  # fmt: skip
 """In the order of their start: what the recorder records must not have begun."""
 REMAPPABLE = (
     *(topic.name for topic in topics.TOPICS if topic.remappable),
@@ -44,6 +47,8 @@ class CellSetup:
         remap: relative topic -> the robot's topic.
         reading: parameters of the estimator that say what drives it, as far as they are given.
         plc: whether the cell's state is served to controllers; see slosh_plc.
+        markers: whether the surface is published for RViz and Foxglove.
+        hardware_id: of the cell in diagnostics, such as a serial number; empty: its namespace.
         force: identification.json of the payload on a force sensor; None: there is none.
         cameras: camera.yaml of each container behind a tray's first that has a camera, by name.
         record: of RECORD; empty: as the recorder's parameters have it.
@@ -60,6 +65,8 @@ class CellSetup:
     record: str = ""
     force: Path | None = None
     plc: bool = False
+    markers: bool = False
+    hardware_id: str = ""
     cameras: Mapping[str, Path] = field(default_factory=dict)
     govern: str = ""
 
@@ -85,6 +92,8 @@ class CellSetup:
             own["monitor"] = {"camera": "false"}
         if self.plc:
             own["plc"] = {}
+        if self.markers:
+            own["markers"] = {}
         if self.cameras:
             own["monitor"]["cameras"] = ",".join(self.cameras)
         if self.record:
@@ -113,7 +122,7 @@ def read_setup(path: Path) -> CellSetup:
             the file, the line and the key.
     """
     try:
-        source = read_yaml(path)
+        source = read_versioned(path, CELL)
     except SloshFileError as error:
         raise SloshBringupError(str(error)) from None
     document = source.value
@@ -129,6 +138,8 @@ def read_setup(path: Path) -> CellSetup:
         "record",
         "force",
         "plc",
+        "markers",
+        "hardware_id",
         "govern",
         *READING,
     )
@@ -154,7 +165,9 @@ def read_setup(path: Path) -> CellSetup:
         record=_one_of(source, "record", RECORD),
         govern=_one_of(source, "govern", tuple(topics.COMMANDING)),
         force=_file(source, "force") if "force" in document else None,
-        plc=_plc(source),
+        plc=_flag(source, "plc"),
+        markers=_flag(source, "markers"),
+        hardware_id=_hardware_id(source),
     )
 
 
@@ -166,12 +179,20 @@ def _one_of(source: YamlDocument, key: str, known: Sequence[str]) -> str:
     return str(value)
 
 
-def _plc(source: YamlDocument) -> bool:
-    """Whether the cell file enables the OPC UA, MQTT and Modbus servers for controllers."""
-    value = source.value.get("plc", False)
+def _flag(source: YamlDocument, key: str) -> bool:
+    """Returns the value of a key that is true or false; false if the cell file lacks the key."""
+    value = source.value.get(key, False)
     if not isinstance(value, bool):
-        raise SloshBringupError(f"{source.at('plc')} = {shown(value)} must be true or false")
+        raise SloshBringupError(f"{source.at(key)} = {shown(value)} must be true or false")
     return value
+
+
+def _hardware_id(source: YamlDocument) -> str:
+    """Returns the cell's name or serial number for diagnostics; empty: none is given."""
+    value = source.value.get("hardware_id", "")
+    if isinstance(value, bool) or not isinstance(value, str | int):
+        raise SloshBringupError(f"{source.at('hardware_id')} = {shown(value)} must be a text")
+    return str(value)
 
 
 def _reading(source: YamlDocument) -> dict[str, str]:
