@@ -2,6 +2,7 @@
 
 STORE/cell=line_1/month=2026-11/<digest>.parquet holds motions of one bag. The name is the digest
 of its rows: the same bag gives the same file, and is stored once. A file appears as a whole.
+STORE/ingested/<digest> holds the number of motions of a bag that needs no second reading.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import dataclasses
 import hashlib
 import importlib
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -21,6 +22,8 @@ from slosh_base.files import write_bytes
 from slosh_replay.fleet.motion_row import COLUMNS, Column, MotionRow
 
 SUFFIX: Final = ".parquet"
+NOTES: Final = "ingested"
+"""Folder of the notes on ingested bags."""
 ADDED: Final = (
     Column("month", "str", "1", "month of the begin, UTC"),
     Column("begin", "timestamp", "UTC", "begin of the motion"),
@@ -69,14 +72,51 @@ class FleetStore:
         for (cell, month), group in sorted(groups.items()):
             digest = hashlib.sha256("".join(sorted(row.digest for row in group)).encode())
             path = f"{self._root}/cell={cell}/month={month}/{digest.hexdigest()[:32]}{SUFFIX}"
-            try:
+            with self._naming():
                 if not self._files.exists(path):
                     self._put(path, _packed(group))
                     new += 1
-            except OSError as error:
-                reason = error.strerror or " ".join(str(error).split())
-                raise SloshBagError(f"{self.url}: {reason}") from None
         return Added(len(rows), new, len(groups) - new)
+
+    def noted(self, state: str) -> int | None:
+        """Returns the number of motions of an ingested bag; None: it is not noted.
+
+        Args:
+            state: digest of the bag's state, as given to `note`.
+
+        Raises:
+            SloshBagError: the place cannot be read.
+        """
+        with self._naming():
+            try:
+                return int(self._files.cat_file(self._note(state)))
+            except (FileNotFoundError, ValueError):  # a machine without power may empty a note
+                return None
+
+    def note(self, state: str, motions: int) -> None:
+        """Notes that all motions of a bag are stored.
+
+        Args:
+            state: digest that changes with the bag.
+            motions: their number.
+
+        Raises:
+            SloshBagError: the place cannot be written.
+        """
+        with self._naming():
+            self._put(self._note(state), str(motions).encode())
+
+    def _note(self, state: str) -> str:
+        return f"{self._root}/{NOTES}/{state[:32]}"
+
+    @contextlib.contextmanager
+    def _naming(self) -> Iterator[None]:
+        """Turns an error of the file system into one line that names the store."""
+        try:
+            yield
+        except OSError as error:
+            reason = error.strerror or " ".join(str(error).split())
+            raise SloshBagError(f"{self.url}: {reason}") from None
 
     def dataset(self) -> Any:
         """Returns all stored motions as a pyarrow dataset; the same motion may be in it twice.
@@ -86,7 +126,7 @@ class FleetStore:
         """
         arrow, _ = load_pyarrow()
         dataset = importlib.import_module("pyarrow.dataset")
-        try:
+        with self._naming():
             # Beside files that are being written, which have other names.
             found = self._files.glob(f"{self._root}/cell=*/month=*/[0-9a-f]*{SUFFIX}")
             if not found:
@@ -100,8 +140,6 @@ class FleetStore:
                 schema=arrow.schema([*_schema(arrow), *folders]),
                 partitioning=dataset.partitioning(folders, flavor="hive"),
             )  # fmt: skip
-        except OSError as error:
-            raise SloshBagError(f"{self.url}: {error.strerror or error}") from None
 
     def _put(self, path: str, data: bytes) -> None:
         """Writes a file as a whole: by its rename on a disk, by one request elsewhere."""
