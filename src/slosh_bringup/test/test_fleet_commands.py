@@ -126,6 +126,13 @@ def test_the_page_shows_trends_shifts_and_the_worst_motions(months, tmp_path, ca
     assert worst.index("/bags/&lt;7&gt;") < worst.index("/bags/&lt;0&gt;")
     assert 'href="file:///bags/%3C7%3E"' in worst
     assert "<7>" not in text
+    containers = text[text.index('id="containers"') : text.index('id="months"')]
+    # The frequency falls by 0.01 rad/s a motion: from the 2nd of one model to the 90th.
+    assert re.findall(r"(ab|cd)</code>.*?([+-]\d\.\d{3})<", containers, re.S) == [
+        ("ab", "-0.880"), ("cd", "-0.870")
+    ]  # fmt: skip
+    trends = text[text.index('id="trends"') : text.index('id="containers"')]
+    assert "line_1, cylinder, model cd" in trends
     months_table = text[text.index('id="months"') : text.index('id="shifts"')]
     assert months_table.count("<tr>") == 5  # heading, and two containers in each of two months
     shifts = text[text.index('id="shifts"') : text.index('id="worst"')]

@@ -7,10 +7,13 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 
 from slosh_bag.bag_writer import BagWriter
@@ -156,9 +159,9 @@ def test_what_is_stored_comes_out_again(tmp_path):
     names = [column.name for column in COLUMNS]
     found = query(store, f"SELECT {', '.join(names)}, begin FROM motions ORDER BY begin_ns")
     told = [dict(zip(found.names, values, strict=True)) for values in found.rows]
-    for given, back in zip(rows, told, strict=True):
-        assert back.pop("begin") == given.begin
-        want = dataclasses.asdict(given)
+    for stored, back in zip(rows, told, strict=True):
+        assert back.pop("begin") == stored.begin
+        want = dataclasses.asdict(stored)
         assert back == {name: None if value != value else value for name, value in want.items()}
 
 
@@ -248,7 +251,7 @@ def test_an_empty_store_says_what_to_do(tmp_path):
 def test_queries_take_values(tmp_path):
     store = FleetStore(str(tmp_path))
     store.add([row(0), row(1, container="it's")])
-    with MotionTable(store, loaded=True) as table:
+    with MotionTable(store, loaded=["container"]) as table:
         found = table.query("SELECT count(*) FROM motions WHERE container = ?", ["it's"])
     assert found.rows == [(1,)]
 
@@ -309,3 +312,26 @@ def test_a_bag_is_read_again_only_when_it_has_changed(tmp_path, monkeypatch):
     for note in (tmp_path / "store" / NOTES).iterdir():
         note.write_bytes(b"")
     assert ingest(bag, store) == (1, 0, False)
+
+
+@needs_duckdb
+@given(
+    st.lists(
+        st.tuples(st.sampled_from("ab"), st.lists(st.integers(0, 60), min_size=1, unique=True)),
+        min_size=1, max_size=6,
+    )
+)  # fmt: skip
+@settings(max_examples=15, deadline=None)
+def test_each_motion_counts_once_however_bags_overlap(bags):
+    with tempfile.TemporaryDirectory() as place:
+        store = FleetStore(place)
+        for name, (cell, days) in enumerate(bags):
+            digests = [f"{cell}{day:063x}" for day in days]
+            store.add(
+                [row(day, cell=cell, digest=digest, bag=f"/bags/{name}")
+                 for day, digest in zip(days, digests, strict=True)]
+            )  # fmt: skip
+        wanted = {(cell, day) for cell, days in bags for day in days}
+        found = query(store, "SELECT cell, begin_ns FROM motions").rows
+        days = [(cell, (begin - BEGIN_NS) // DAY_NS) for cell, begin in found]
+    assert sorted(days) == sorted(wanted)

@@ -1,17 +1,18 @@
 """Fleet store: Parquet files of motions by cell and month, on any file system of fsspec.
 
-STORE/cell=line_1/month=2026-11/<digest>.parquet holds motions of one bag. The name is the digest
-of its rows: the same bag gives the same file, and is stored once. A file appears as a whole.
+STORE/cell=line_1/month=2026-11/<begin>-<end>-<digest>.parquet holds motions of one bag. The name
+has the first and last begin of its motions [ns] and the digest of its rows: the same bag gives the
+same file, and is stored once. A file appears as a whole.
 STORE/ingested/<digest> holds the number of motions of a bag that needs no second reading.
 """
 
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import hashlib
 import importlib
 import io
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -22,6 +23,7 @@ from slosh_base.files import write_bytes
 from slosh_replay.fleet.motion_row import COLUMNS, Column, MotionRow
 
 SUFFIX: Final = ".parquet"
+_SPAN: Final = re.compile(r"(\d+)-(\d+)-")
 NOTES: Final = "ingested"
 """Folder of the notes on ingested bags."""
 ADDED: Final = (
@@ -39,6 +41,18 @@ class Added(NamedTuple):
     motions: int
     new: int
     known: int
+
+
+class Parted(NamedTuple):
+    """The stored motions as pyarrow datasets; None: a part has no file.
+
+    Attributes:
+        once: each motion in it is in one file only.
+        doubtful: a motion in it may be in several files.
+    """
+
+    once: Any
+    doubtful: Any
 
 
 class FleetStore:
@@ -71,7 +85,9 @@ class FleetStore:
         new = 0
         for (cell, month), group in sorted(groups.items()):
             digest = hashlib.sha256("".join(sorted(row.digest for row in group)).encode())
-            path = f"{self._root}/cell={cell}/month={month}/{digest.hexdigest()[:32]}{SUFFIX}"
+            begins = sorted(row.begin_ns for row in group)
+            name = f"{begins[0]}-{begins[-1]}-{digest.hexdigest()[:32]}{SUFFIX}"
+            path = f"{self._root}/cell={cell}/month={month}/{name}"
             with self._naming():
                 if not self._files.exists(path):
                     self._put(path, _packed(group))
@@ -124,19 +140,42 @@ class FleetStore:
         Raises:
             SloshBagError: there are none, or the place cannot be read.
         """
-        arrow, _ = load_pyarrow()
-        dataset = importlib.import_module("pyarrow.dataset")
+        return self._dataset(self._paths())
+
+    def parted(self) -> Parted:
+        """Returns all stored motions, those apart that may be in it twice.
+
+        Raises:
+            SloshBagError: there are none, or the place cannot be read.
+        """
+        paths = self._paths()
+        twice = _overlapping(paths)
+        parts = ([path for path in paths if path not in twice], sorted(twice))
+        return Parted(*(self._dataset(part) if part else None for part in parts))
+
+    def _paths(self) -> list[str]:
+        """Returns the paths of all files, sorted.
+
+        Raises:
+            SloshBagError: there are none, or the place cannot be read.
+        """
         with self._naming():
             # Beside files that are being written, which have other names.
             found = self._files.glob(f"{self._root}/cell=*/month=*/[0-9a-f]*{SUFFIX}")
-            if not found:
-                raise SloshBagError(
-                    f"{self.url}: no motions are stored here; `slosh ingest BAG --store "
-                    f"{self.url}` adds some"
-                )
-            folders = arrow.schema([("cell", arrow.string()), ("month", arrow.string())])
+        if not found:
+            raise SloshBagError(
+                f"{self.url}: no motions are stored here; `slosh ingest BAG --store "
+                f"{self.url}` adds some"
+            )
+        return sorted(found)
+
+    def _dataset(self, paths: Sequence[str]) -> Any:
+        arrow, _ = load_pyarrow()
+        dataset = importlib.import_module("pyarrow.dataset")
+        folders = arrow.schema([("cell", arrow.string()), ("month", arrow.string())])
+        with self._naming():
             return dataset.dataset(
-                sorted(found), filesystem=self._files, format="parquet",
+                paths, filesystem=self._files, format="parquet",
                 schema=arrow.schema([*_schema(arrow), *folders]),
                 partitioning=dataset.partitioning(folders, flavor="hive"),
             )  # fmt: skip
@@ -148,6 +187,27 @@ class FleetStore:
         else:
             self._files.makedirs(path.rpartition("/")[0], exist_ok=True)
             self._files.pipe_file(path, data)
+
+
+def _overlapping(paths: Sequence[str]) -> set[str]:
+    """Returns the files that may hold a motion of another one: those of a cell at one time."""
+    found: set[str] = set()
+    spans: dict[str, list[tuple[int, int, str]]] = {}
+    for path in paths:
+        folder, _, name = path.rpartition("/")
+        span = _SPAN.match(name)
+        if span is None:
+            return set(paths)
+        cell = folder.rpartition("/")[0]
+        spans.setdefault(cell, []).append((int(span[1]), int(span[2]), path))
+    for own in spans.values():
+        last, holder = -1, ""
+        for begin, end, path in sorted(own):
+            if begin <= last:
+                found |= {holder, path}
+            if end > last:
+                last, holder = end, path
+    return found
 
 
 def _write(path: Path, data: bytes) -> None:
@@ -186,9 +246,8 @@ def _packed(rows: Sequence[MotionRow]) -> bytes:
     """Returns rows as a Parquet file; NaN is null, so that queries leave it out."""
     arrow, parquet = load_pyarrow()
     schema = _schema(arrow)
-    dicts = [dataclasses.asdict(row) | {"begin": row.begin} for row in rows]
     columns = [
-        arrow.array([_known(row[name]) for row in dicts], type=schema.field(name).type)
+        arrow.array([_known(getattr(row, name)) for row in rows], type=schema.field(name).type)
         for name in schema.names
     ]
     stream = io.BytesIO()
