@@ -11,7 +11,7 @@ from slosh_discovery.discover import Verdict, discover
 from slosh_discovery.discover.input_noise import estimate_input_noise
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data import day_motions, motions_of_day, read_motions
-from slosh_discovery.discover_data.unrelated import felt_acceleration
+from slosh_discovery.discover_data.unrelated import apparent_acceleration
 from slosh_discovery.discovering import recorded_model
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
@@ -119,7 +119,7 @@ class TestMeasuredRuns:
             assert motion.t[-1] > moving[-1] + 3.0
             assert motion.t[0] < moving[0] - 0.9
             stamped = np.arange(len(motion.inputs.t))  # only the attitude matters here
-            felt = felt_acceleration(
+            felt = apparent_acceleration(
                 RecordedMotion(stamped, motion.inputs.acceleration, motion.inputs.attitude)
             )
             assert rms(motion, CUP, felt) < 4e-3, motion.name

@@ -193,7 +193,7 @@ def highest(load: Load, moves: Moves, pairs: list[tuple[float, float]]) -> Array
     for cup in load.tray.containers:
         for pair in pairs:
             liquid: Model = other(cup.model, *pair)
-            liquid = liquid if load.arm is None else liquid.feeling_gravity()
+            liquid = liquid if load.arm is None else liquid.with_gravity_tilt()
             found[0] = max(found[0], simulate(liquid, inputs)[0].msh.max() / cup.limit)
             if cup.standing is not None:
                 found[1] = max(found[1], *standing_use(liquid, cup.standing, inputs))

@@ -41,7 +41,7 @@ from slosh_plan.planning.plan import Plan, plan
 
 Array = NDArray[np.float64]
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "plan.md"
-MODEL = Model(Cylinder(0.05, 0.07)).spatial().nonlinear().feeling_gravity()
+MODEL = Model(Cylinder(0.05, 0.07)).spatial().nonlinear().with_gravity_tilt()
 HEIGHTS = (0.01, 0.02)
 RESIDUAL = 0.5
 ACCELERATION, JERK = 8.0, 200.0

@@ -174,7 +174,7 @@ class Robot:
         joints = self._joints(path_through(points))
         smooth = replace(self._limits, jerk=np.full(len(self._limits.names), LARGEST))
         route, other = (joint_path(self.arm, one, joints) for one in (self._limits, smooth))
-        return Task(name, CUP.feeling_gravity(), route, other, self.arm)
+        return Task(name, CUP.with_gravity_tilt(), route, other, self.arm)
 
     def _joints(self, route: Route) -> Array:
         """(N, J) joints along a path, at the first place that is tried where all is reached."""

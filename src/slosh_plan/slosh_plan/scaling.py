@@ -23,7 +23,7 @@ from slosh_base.types import Array
 from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.interpolation import columns_at
 from slosh_model.model import Model
-from slosh_model.tilt import attitude_of, feeling
+from slosh_model.tilt import attitude_of, with_tilt
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.heights import Extremes, all_extremes
 from slosh_plan.limits import HeightLimits
@@ -116,7 +116,7 @@ def safe_scales(
     Raises:
         SloshPlanError: no limit, or one exceeded before the motion begins; more samples than that.
     """
-    model = feeling(model, attitude_of(trajectory))
+    model = with_tilt(model, attitude_of(trajectory))
     asked, limits = limits, limits.under_rim(model)
     if not limits.given:
         raise SloshPlanError("no limit given: every time scale would be safe")

@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from slosh_model.standing_use import StandingUse, standing_use
-from slosh_model.tilt import attitude_of, feeling
+from slosh_model.tilt import attitude_of, with_tilt
 from slosh_model.tray import Tray, TrayContainer
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.heights import usual_horizon
@@ -135,7 +135,7 @@ def _standing(
         if one.standing is None:
             continue
         own, inputs = state_of(states, one.name), motion.inputs(usual_horizon(one.model))
-        model = feeling(one.placed, attitude_of(motion))
+        model = with_tilt(one.placed, attitude_of(motion))
         modal = None if own is None else own.nonlinear
         found[one.name] = standing_use(
             model, one.standing, inputs, np.array(one.place),

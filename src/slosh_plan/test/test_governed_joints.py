@@ -91,7 +91,7 @@ def test_joints_and_liquid_keep_their_limits(arm, seed, frequency, damping):
     other = Model(
         CUP.container, damping_ratio=first.damping_ratio * 2.0**damping,
         natural_frequency=first.natural_frequency * (1.0 + frequency), effects=CUP.effects,
-    ).feeling_gravity()  # fmt: skip
+    ).with_gravity_tilt()  # fmt: skip
     assert simulate(other, motion.inputs(0.5, 0.002))[0].msh.max() <= LIMITS.height
 
 

@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.nodes import heard_input
+from slosh_estimator.nodes import input_subscription
 from slosh_estimator.robot import available
 from slosh_model.model_text import parse_model
 from slosh_msgs_py import qos, topics
@@ -342,6 +342,6 @@ def test_where_control_msgs_is_missing_the_command_that_installs_it_is_told(
     def missing(name: str) -> Any:
         raise ImportError(name)
 
-    monkeypatch.setattr(heard_input, "find_type", missing)
+    monkeypatch.setattr(input_subscription, "find_type", missing)
     with pytest.raises(SloshEstimatorError, match="apt install ros-jazzy-control-msgs"):
         RelayNode()

@@ -27,7 +27,7 @@ from slosh_model.measure import predicted_heights
 from slosh_model.model_text import read_model
 from slosh_model.response import Response
 from slosh_model.simulate import simulate
-from slosh_model.tilt import added_text, attitude_of, feeling
+from slosh_model.tilt import added_text, attitude_of, with_tilt
 from slosh_plan import HeightLimits
 from slosh_tables.motion_table import read_motion_table
 from slosh_tables.text_table.units import check_span
@@ -97,7 +97,7 @@ def run(arguments: argparse.Namespace) -> int:
     added = added_text(model, attitude_of(inputs))
     if added:
         print(plain_line(f"slosh simulate: note: {arguments.motion}: {added}"), file=sys.stderr)
-    model = feeling(model, attitude_of(inputs))
+    model = with_tilt(model, attitude_of(inputs))
     response, _ = simulate(model, inputs)
     msh = predicted_heights(model, inputs, inputs.t)[:, 0]
     gaps = gap_text(motion.t, model)

@@ -219,7 +219,7 @@ class CellStatus:
     def take_parameters(self, node: str, parameters: Mapping[str, Any]) -> None:
         """Stores the limits if the parameters are those of the monitor."""
         if node == "monitor":
-            self._settings = MonitorSettings.from_told(parameters)
+            self._settings = MonitorSettings.from_partial(parameters)
 
     def line(self, now: float) -> str:
         """Formats state, heights, limit and message rates in one line."""

@@ -88,7 +88,7 @@ class CellList:
         """Stores the limits of a cell's monitor."""
         cell = self._cell(name) if node == "monitor" else None
         if cell is not None:
-            cell.settings = MonitorSettings.from_told(parameters)
+            cell.settings = MonitorSettings.from_partial(parameters)
 
     def take_report(self, name: str, report: NodeReport) -> None:
         """Stores the port of a known cell's watch page, and the cell's worst container."""

@@ -203,7 +203,7 @@ class WatchState:
             return
         if not goes_on:
             self._open.clear()
-        self._settings = MonitorSettings.from_told(parameters)
+        self._settings = MonitorSettings.from_partial(parameters)
 
     def take_container(self, container: Container) -> None:
         """Stores the container's views and the height of its rim, for drawing."""

@@ -23,7 +23,7 @@ def first_offset(one: PreparedMotion, base: Model) -> float:
     if one.motion.same_clock:
         return 0.0
     full = base.spatial().nonlinear()
-    full = full if one.azimuths is not None else full.feeling_gravity()
+    full = full if one.azimuths is not None else full.with_gravity_tilt()
     answer = one.simulate(full) or one.simulate(base)
     if answer is None:
         return float(one.t[0] - one.fine.t[0])

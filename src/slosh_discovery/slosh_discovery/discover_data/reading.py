@@ -309,9 +309,9 @@ def motion_of_table(
     check_span(path, table.t)
     gaps = gap_text(table.t, model) if model is not None else ""
     if gaps:
-        tell(InputDoubt(gaps).about(path))
+        tell(InputDoubt(gaps).of_file(path))
     for doubt in motion_doubts(table.t, table.acceleration, table.attitude):
-        tell(doubt.about(path))
+        tell(doubt.of_file(path))
     sampled, walls = _sampled(table.msh), _sampled(table.eta)
     if table.msh is None and table.eta is None and table.profile is None:
         raise SloshDiscoveryError(

@@ -123,7 +123,7 @@ def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) 
         raise SloshBagError(f"{path}: holds no usable height in {sources.surface}")
     motion = container.motion(path)
     for doubt in container.doubts:
-        tell(doubt.about(path))
+        tell(doubt.of_file(path))
     for line in (*reader.warnings, *left_out):
         tell(line if line.startswith(str(path)) else f"{path}: {line}")
     return BagRecording(

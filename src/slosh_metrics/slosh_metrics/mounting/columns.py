@@ -78,7 +78,7 @@ class Aligned(NamedTuple):
     noise: float
 
 
-def felt(motion: MotionColumns, *, in_world: bool = False) -> Array:
+def sensor_columns(motion: MotionColumns, *, in_world: bool = False) -> Array:
     """Returns a motion as columns (N, COLUMNS), for comparison with a sensor.
 
     Args:
@@ -108,7 +108,7 @@ def aligned(
     Args:
         sensor: at least two samples.
         stamps: (N,) of the motion, at least two [ns].
-        motion: (N, COLUMNS) as `felt` gives it.
+        motion: (N, COLUMNS) as `sensor_columns` gives it.
         begin, end: the moments [ns].
     """
     lags = round(TUNING.farthest_lag / TUNING.step)

@@ -14,7 +14,7 @@ from slosh_metrics.mounting.columns import (
     MotionColumns,
     SensorColumns,
     aligned,
-    felt,
+    sensor_columns,
 )
 from slosh_metrics.mounting.mounting_fit import best_fit
 from slosh_metrics.mounting.tuning import TUNING
@@ -130,7 +130,11 @@ class MountingWatch:
             np.array(self._sensor_ns, dtype=np.int64), heard[:, :3], heard[:, 3:6]
         )
         both = aligned(
-            sensor, moved.stamps, felt(moved, in_world=self._in_world), motion.begin, motion.end
+            sensor,
+            moved.stamps,
+            sensor_columns(moved, in_world=self._in_world),
+            motion.begin,
+            motion.end,
         )
         newest = self._verdict([both])
         if newest is None:

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
-from slosh_model.tilt import FELT, largest_tilt
+from slosh_model.tilt import TILT_THRESHOLD, largest_tilt
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.joints import Arm
 from slosh_plan.planning.joint_demands import JointDemands, joint_columns
@@ -127,7 +127,7 @@ def joint_path(
             f"{name}: the container is tilted by {math.degrees(tilt):.0f}° at the start: the tool "
             "frame's z axis must be the container's axis, which points up"
         )
-    return replace(path, legs=legs, tilts=largest_tilt(at) > FELT)
+    return replace(path, legs=legs, tilts=largest_tilt(at) > TILT_THRESHOLD)
 
 
 def _carried(

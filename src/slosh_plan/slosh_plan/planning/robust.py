@@ -178,6 +178,6 @@ def likely_use(
     Raises:
         SloshPlanError: the model has no covariance.
     """
-    likely = likely_models(model if motion.attitude is None else model.feeling_gravity())
+    likely = likely_models(model if motion.attitude is None else model.with_gravity_tilt())
     _, upper = upper_heights(likely.models, motion, attitude, error)
     return float(((upper + margin) / [limits.height, limits.residual]).max())

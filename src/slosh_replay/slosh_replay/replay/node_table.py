@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from slosh_estimator.observer.calm import CALM_FIELDS, CalmReason
-from slosh_estimator.observer.states import TOLD_FIELDS
+from slosh_estimator.observer.states import FUSED_FIELDS
 from slosh_estimator.validity import EstimateFlag
 from slosh_msgs_py.topics import (
     CALM,
@@ -77,7 +77,7 @@ def node_table(
             ),
             outputs=(
                 NodeTopic(
-                    FUSED_ESTIMATE, FUSED_TYPE, (*TOLD_FIELDS, *modal), later={"sensed_taken": 0}
+                    FUSED_ESTIMATE, FUSED_TYPE, (*FUSED_FIELDS, *modal), later={"sensed_taken": 0}
                 ),
                 NodeTopic(CALM, CALM_TYPE, CALM_FIELDS, known=_heard),
             ),

@@ -56,7 +56,7 @@ Told = Callable[[int, str, Vector, Vector | None], None]
 """Takes a stamp [ns], a frame, an acceleration and an angular velocity, as a sensor says."""
 
 
-class HeardInput:
+class InputSubscription:
     """Subscribes to the topic of an input and converts its messages to samples.
 
     Args:
