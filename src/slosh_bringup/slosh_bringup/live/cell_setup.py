@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from slosh_bag.store.motion_ingest import PARAMETER as MOTIONS
 from slosh_base.files.errors import SloshFileError
 from slosh_base.files.file_version import CELL, read_versioned
 from slosh_base.files.nearest import did_you_mean
@@ -52,6 +53,8 @@ class CellSetup:
         force: identification.json of the payload on a force sensor; None: there is none.
         cameras: camera.yaml of each container behind a tray's first that has a camera, by name.
         record: of RECORD; empty: as the recorder's parameters have it.
+        store_motions: folder or URL of the store that gets the recording's motions at its end, the
+            recorder's parameter of that name; empty: as the recorder's parameters have it.
         govern: kind of the commands that the governor limits, of topics.COMMANDING; empty: it is
             not started.
     """
@@ -69,6 +72,7 @@ class CellSetup:
     hardware_id: str = ""
     cameras: Mapping[str, Path] = field(default_factory=dict)
     govern: str = ""
+    store_motions: str = ""
 
     @property
     def camera_nodes(self) -> dict[str, str]:
@@ -98,6 +102,8 @@ class CellSetup:
             own["monitor"]["cameras"] = ",".join(self.cameras)
         if self.record:
             own["recorder"]["mode"] = self.record
+        if self.store_motions:
+            own["recorder"][MOTIONS] = self.store_motions
         if self.govern:
             robot = {key: self.reading[key] for key in ROBOT if key in self.reading}
             own["governor"] = {"model": str(self.model), "command": self.govern, **robot}
@@ -141,6 +147,7 @@ def read_setup(path: Path) -> CellSetup:
         "markers",
         "hardware_id",
         "govern",
+        MOTIONS,
         *READING,
     )
     for key in document:
@@ -168,6 +175,7 @@ def read_setup(path: Path) -> CellSetup:
         plc=_flag(source, "plc"),
         markers=_flag(source, "markers"),
         hardware_id=_hardware_id(source),
+        store_motions=_store(source),
     )
 
 
@@ -177,6 +185,19 @@ def _one_of(source: YamlDocument, key: str, known: Sequence[str]) -> str:
     if key in source.value and value not in known:
         raise SloshBringupError(f"{source.at(key)} = {shown(value)} must be {' or '.join(known)}")
     return str(value)
+
+
+def _store(source: YamlDocument) -> str:
+    """Returns the store that the cell file names; a folder is relative to the file."""
+    value = source.value.get(MOTIONS, "")
+    if not isinstance(value, str) or "\0" in value:
+        raise SloshBringupError(
+            f"{source.at(MOTIONS)} = {shown(value)} must be a folder or a URL, such as "
+            "s3://bucket/motions"
+        )
+    if not value or "://" in value:
+        return value
+    return str((Path(source.source).parent / value).resolve())
 
 
 def _flag(source: YamlDocument, key: str) -> bool:
