@@ -16,6 +16,7 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.errors import SloshBagError
 from slosh_bag.held_folder import HeldFolder
 from slosh_bag.reader import BagReader
+from slosh_bag.recover import NotedDefinitions
 from slosh_msgs.msg import NodeSettings
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.replay import replay_bag
@@ -47,28 +48,27 @@ def verdict_of(report, name=HEIGHT, recording=None):
     return found
 
 
-def altered(bag, folder, *, without=(), facts=None, parameters=None):
-    """A copy of a bag without topics, with facts, or with other parameters of its nodes."""
+def altered(bag, folder, *, without=(), facts=None, parameter=""):
+    """A copy of a bag without topics, with facts, or with a further parameter of its monitor."""
     reader = BagReader(bag)
-    with BagWriter(folder, facts=facts or {}) as writer:
-        for topic, info in reader.topics().items():
-            if topic not in without:
-                writer.add_topic(topic, info.message_type)
+    with BagWriter(folder, NotedDefinitions(reader.types), facts) as writer:
         for message in reader.messages():
             if message.topic in without:
                 continue
             data = bytes(message.data)
-            if parameters and message.message_type.endswith("NodeSettings"):
-                data = with_parameters(data, parameters)
+            if parameter and message.topic.endswith("settings"):
+                data = with_parameter(data, parameter)
+            writer.add_topic(message.topic, message.message_type)
             writer.write(message.topic, data, message.log_ns)
     return folder
 
 
-def with_parameters(data, parameters):
+def with_parameter(data, parameter):
     settings = deserialize_message(data, NodeSettings)
-    if settings.node.endswith("monitor"):
-        known = json.loads(settings.parameters)
-        settings.parameters = json.dumps({**known, **parameters})
+    if settings.node == "monitor":
+        head = "parameters:\n"
+        assert head in settings.document
+        settings.document = settings.document.replace(head, f"{head}  {parameter}\n")
     return serialize_message(settings)
 
 
@@ -133,7 +133,7 @@ def test_the_given_limit_is_judged_by(limit, verdict):
 
 def test_no_camera_is_undecided_and_says_so(tmp_path):
     bag = altered(
-        BAGS / "c", tmp_path / "blind", parameters={"camera": False},
+        BAGS / "c", tmp_path / "blind", parameter="camera: false",
         without=("/slosh/free_surface", "/slosh/comparison"),
     )  # fmt: skip
     report = report_of(bag, acceptance=Acceptance(height=0.03))
@@ -167,7 +167,7 @@ def test_a_bag_of_an_event_is_undecided(tmp_path):
 def test_another_container_is_refused_with_a_remedy(tmp_path):
     model = tmp_path / "model.yaml"
     model.write_text("container: {shape: cylinder, radius: 0.04, fill_height: 0.07}\n")
-    with pytest.raises(SloshBagError, match="another container.*leave out --model"):
+    with pytest.raises(SloshBagError, match=r"another container.*leave out --model"):
         report_of(BAGS / "c", model=model)
 
 
@@ -182,8 +182,10 @@ def test_another_model_of_the_container_is_not_compared(tmp_path):
 
 def test_a_bag_that_is_being_recorded_is_refused(tmp_path):
     bag = shutil.copytree(BAGS / "l", tmp_path / "l")
-    with HeldFolder(bag), pytest.raises(SloshBagError, match="being recorded"):
+    held = HeldFolder(bag)
+    with pytest.raises(SloshBagError, match="being recorded"):
         report_of(bag)
+    held.release()
 
 
 def test_repetitions_of_one_motion_have_a_spread(tmp_path):

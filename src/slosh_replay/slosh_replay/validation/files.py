@@ -61,21 +61,28 @@ def check_files(
         OSError: a file that exists cannot be read.
     """
     moved = [path for folder in folders for path in sorted(folder.rglob("*")) if path.is_file()]
-    return tuple(_state(file, report, moved) for file in content.get("files", ()))
+    files = content.get("files")
+    if not isinstance(files, list):
+        return ()
+    return tuple(_state(file, report, moved) for file in files if isinstance(file, Mapping))
 
 
 def _state(file: Mapping[str, Any], report: Path, moved: Iterable[Path]) -> FileState:
-    path = Path(str(file["path"]))
+    path = Path(str(file.get("path", "")))
     places = [path, report.parent / path, *(one for one in moved if one.name == path.name)]
     found = [place for place in places if place.is_file()]
     for place in found:
-        if place.stat().st_size == file["size"] and _sha256(place) == file["sha256"]:
+        if _is_same(place, file):
             return FileState(str(path), "same", place)
     return (
         FileState(str(path), "changed", found[0])
         if found
         else FileState(str(path), "missing", None)
     )
+
+
+def _is_same(place: Path, file: Mapping[str, Any]) -> bool:
+    return place.stat().st_size == file.get("size") and _sha256(place) == file.get("sha256")
 
 
 def _sha256(path: Path) -> str:

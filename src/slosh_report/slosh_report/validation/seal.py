@@ -29,8 +29,8 @@ class SealCheck:
     """Result of checking a report file.
 
     Attributes:
-        content: the signed content, as JSON has it.
-        digest: SHA-256 that the content has now.
+        content: the signed content, as JSON has it; empty: it is unreadable.
+        digest: SHA-256 that the content has now; empty: it is unreadable.
         failures: what was changed, one line each; empty: nothing.
     """
 
@@ -91,21 +91,23 @@ def check_seal(file: bytes, source: str) -> SealCheck:
         SloshReportError: it is not a validation report, or of a later version.
     """
     document = _carried(file, source)
-    content = document["content"]
-    digest = content_digest(content)
-    failures = []
     places = list(_SEAL.finditer(file))
+    failures = []
     if len(places) != 1:
         failures.append(f"the file has {len(places)} seals, expected one: it was changed")
     elif _seal_of(file, places[0]) != places[0][1]:
         failures.append("the file was changed since it was sealed")
+    content = document.get("content")
+    if not isinstance(content, dict):
+        return SealCheck({}, "", (*failures, "the signed content was changed: it is unreadable"))
+    digest = content_digest(content)
     if digest != document.get("digest"):
         failures.append("the signed content was changed: its SHA-256 is another one")
     return SealCheck(content, digest, tuple(failures))
 
 
 def _carried(file: bytes, source: str) -> dict[str, Any]:
-    """Returns the JSON document that a report file carries."""
+    """Returns the JSON document that a report file carries; empty if it is unreadable."""
     text = file.decode("latin-1")
     start = text.find(_HEAD)
     if start < 0:
@@ -116,14 +118,12 @@ def _carried(file: bytes, source: str) -> dict[str, Any]:
     try:
         document = json.JSONDecoder().raw_decode(text, start)[0]
     except ValueError:
-        raise SloshReportError(f"{source}: the signed content is damaged") from None
+        return {}
     if document.get("version") != VERSION:
         raise SloshReportError(
             f"{source}: is of version {document.get('version')}, this slosh reads {VERSION}; "
             "check it with the slosh that wrote it, or a later one"
         )
-    if not isinstance(document.get("content"), dict):
-        raise SloshReportError(f"{source}: the signed content is damaged")
     return dict(document)
 
 
