@@ -54,6 +54,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "recordings": {
         "replay": "run the estimator and the monitor again on recorded bags",
+        "report": "write a signed validation report of a container and a motion, or check one",
         "play": "publish a bag over DDS with /clock, for live nodes",
         "import": "convert motion tables, other bags and public measured data to bags",
         "export": "export a bag's topics as CSV or Parquet, or its motion as a table",
