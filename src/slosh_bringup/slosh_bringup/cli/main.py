@@ -51,6 +51,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "mounting": "check a sensor's axes, signs and units against the robot's recorded motion",
         "watch": "serve the operator's page of a running cell or of a recording",
         "plc": "serve a running cell's state over OPC UA, MQTT or Modbus TCP",
+        "certificates": "create and list the certificates of the OPC UA server and its clients",
     },
     "recordings": {
         "replay": "run the estimator and the monitor again on recorded bags",
