@@ -81,8 +81,9 @@ class CellSetup:
 
     def processes(self, bag: Path) -> list[NodeProcess]:
         """Returns the cell's node processes; no camera or sensor node without its file."""
+        recorder = {"output": str(bag), "mode": self.record, MOTIONS: self.store_motions}
         own: dict[str, dict[str, str]] = {
-            "recorder": {"output": str(bag)},
+            "recorder": {key: value for key, value in recorder.items() if value},
             "estimator": {"model": str(self.model), **self.reading},
             "camera": {"calibration": str(self.calibration)},
             "monitor": {},
@@ -100,10 +101,6 @@ class CellSetup:
             own["markers"] = {}
         if self.cameras:
             own["monitor"]["cameras"] = ",".join(self.cameras)
-        if self.record:
-            own["recorder"]["mode"] = self.record
-        if self.store_motions:
-            own["recorder"][MOTIONS] = self.store_motions
         if self.govern:
             robot = {key: self.reading[key] for key in ROBOT if key in self.reading}
             own["governor"] = {"model": str(self.model), "command": self.govern, **robot}
