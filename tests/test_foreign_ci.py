@@ -1,4 +1,4 @@
-"""Another repository's CI: the steps of its file, typed by hand in an environment of its own."""
+"""Tests another repository's CI by typing the steps of its file in a new environment."""
 
 import shutil
 import subprocess
@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parent.parent
 FILE = ROOT / "docs" / "examples" / "ci" / "slosh.yml"
 STEPS = yaml.safe_load(FILE.read_text(encoding="utf-8"))["jobs"]["replay"]["steps"]
 RUN = [step["run"] for step in STEPS if "run" in step]
-OPTIONAL = {"plan", "plc", "fleet", "joints", "modes"}
+OPTIONAL = {"plan", "plc", "fleet", "joints", "modes", "pdf"}
 """Optional requirements that users install as an extra."""
 MODEL = "src/slosh_bringup/config/model.yaml"
 """That the recordings' manifest names."""
@@ -36,7 +36,7 @@ def test_the_file_runs_what_the_pages_say():
 
 @pytest.fixture(scope="module")
 def repository(tmp_path_factory):
-    """A repository with recordings and the wheels; its environment has those, and no ROS."""
+    """Creates a repository with recordings, and an environment with the wheels but no ROS."""
     folder = tmp_path_factory.mktemp("foreign")
     shutil.copytree(ROOT / "bags", folder / "bags")
     (folder / MODEL).parent.mkdir(parents=True)
@@ -55,7 +55,7 @@ def repository(tmp_path_factory):
 
 
 def typed(repository, line):
-    """A line as CI types it, in an environment that knows nothing of this checkout."""
+    """Runs a line as CI types it, in an environment without this checkout."""
     path = f"{repository / 'venv' / 'bin'}:/usr/bin:/bin"
     environment = {"PATH": path, "HOME": str(Path.home())}
     return subprocess.run(

@@ -8,16 +8,20 @@ from slosh_bringup.cli.main import GROUPS
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 PAGES = {
+    "certificates": "robot.md#controllers",
     "demo": "start.md",
     "explain": "effects/index.md",
     "export": "files.md#export-of-topics",
     "import": "files.md#tables-of-other-programs",
+    "ingest": "robot.md#recording",
+    "migrate": "deployment.md#upgrade",
     "modes": "physics.md#containers-with-a-contour",
     "motion": "identify.md#motions",
     "motion-map": "shape.md#motion-maps",
     "mounting": "input_checks.md#a-second-source",
     "new": "start.md",
     "plc": "robot.md#controllers",
+    "query": "robot.md#recording",
     "recover": "files.md#unfinished-and-damaged-bags",
     "simulate": "files.md#motion-table-csv-csvgz",
     "store": "robot.md#recording",

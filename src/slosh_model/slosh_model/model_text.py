@@ -147,7 +147,7 @@ def _model(document: Mapping[str, Any], folder: Path) -> Model:
 
 
 def _auto(document: Mapping[str, Any], key: str) -> float | None:
-    """Returns a number, or None if the model computes it."""
+    """Parses a number; returns None for `auto`, which means that the model computes it."""
     value = document.get(key, AUTO)
     return None if value == AUTO else _number(value, (key,))
 

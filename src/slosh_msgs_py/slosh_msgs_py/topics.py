@@ -284,7 +284,7 @@ PER_CONTAINER = (FREE_SURFACE, COMPARISON, IMAGE, IMAGE_COMPRESSED, CAMERA_INFO)
 
 
 def of_container(name: str, container: str) -> str:
-    """Returns the topic of a container behind a tray's first.
+    """Returns the topic of a container of the tray, given that of the first container.
 
     >>> of_container("camera/image_raw", "right")
     'camera_right/image_raw'
@@ -314,7 +314,7 @@ def _of_some_container(name: str) -> str:
 
 @cache
 def row_of(name: str) -> Topic | None:
-    """Returns the row of a relative topic name, also of one of another container; None: no row."""
+    """Returns the table row of a relative topic name, of any container; None if there is none."""
     fitting = (
         row
         for row in TOPICS

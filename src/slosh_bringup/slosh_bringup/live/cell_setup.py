@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from slosh_bag.store.motion_ingest import PARAMETER as MOTIONS
 from slosh_base.files.errors import SloshFileError
 from slosh_base.files.file_version import CELL, read_versioned
 from slosh_base.files.nearest import did_you_mean
@@ -52,6 +53,8 @@ class CellSetup:
         force: identification.json of the payload on a force sensor; None: there is none.
         cameras: camera.yaml of each container behind a tray's first that has a camera, by name.
         record: of RECORD; empty: as the recorder's parameters have it.
+        store_motions: folder or URL of the store that gets the recording's motions at its end, the
+            recorder's parameter of that name; empty: as the recorder's parameters have it.
         govern: kind of the commands that the governor limits, of topics.COMMANDING; empty: it is
             not started.
     """
@@ -69,6 +72,7 @@ class CellSetup:
     hardware_id: str = ""
     cameras: Mapping[str, Path] = field(default_factory=dict)
     govern: str = ""
+    store_motions: str = ""
 
     @property
     def camera_nodes(self) -> dict[str, str]:
@@ -77,8 +81,9 @@ class CellSetup:
 
     def processes(self, bag: Path) -> list[NodeProcess]:
         """Returns the cell's node processes; no camera or sensor node without its file."""
+        recorder = {"output": str(bag), "mode": self.record, MOTIONS: self.store_motions}
         own: dict[str, dict[str, str]] = {
-            "recorder": {"output": str(bag)},
+            "recorder": {key: value for key, value in recorder.items() if value},
             "estimator": {"model": str(self.model), **self.reading},
             "camera": {"calibration": str(self.calibration)},
             "monitor": {},
@@ -96,8 +101,6 @@ class CellSetup:
             own["markers"] = {}
         if self.cameras:
             own["monitor"]["cameras"] = ",".join(self.cameras)
-        if self.record:
-            own["recorder"]["mode"] = self.record
         if self.govern:
             robot = {key: self.reading[key] for key in ROBOT if key in self.reading}
             own["governor"] = {"model": str(self.model), "command": self.govern, **robot}
@@ -141,6 +144,7 @@ def read_setup(path: Path) -> CellSetup:
         "markers",
         "hardware_id",
         "govern",
+        MOTIONS,
         *READING,
     )
     for key in document:
@@ -168,15 +172,29 @@ def read_setup(path: Path) -> CellSetup:
         plc=_flag(source, "plc"),
         markers=_flag(source, "markers"),
         hardware_id=_hardware_id(source),
+        store_motions=_store(source),
     )
 
 
 def _one_of(source: YamlDocument, key: str, known: Sequence[str]) -> str:
-    """Returns a key's value, which must be a known one; empty if the cell file lacks the key."""
+    """Returns a key's value, or an empty text; raises an error for a value that is not known."""
     value = source.value.get(key, "")
     if key in source.value and value not in known:
         raise SloshBringupError(f"{source.at(key)} = {shown(value)} must be {' or '.join(known)}")
     return str(value)
+
+
+def _store(source: YamlDocument) -> str:
+    """Returns the store that the cell file names; a folder is relative to the file."""
+    value = source.value.get(MOTIONS, "")
+    if not isinstance(value, str) or "\0" in value:
+        raise SloshBringupError(
+            f"{source.at(MOTIONS)} = {shown(value)} must be a folder or a URL, such as "
+            "s3://bucket/motions"
+        )
+    if not value or "://" in value:
+        return value
+    return str((Path(source.source).parent / value).resolve())
 
 
 def _flag(source: YamlDocument, key: str) -> bool:
@@ -224,7 +242,7 @@ def _has_camera(source: YamlDocument) -> bool:
 
 
 def read_cameras(source: YamlDocument, model: Path) -> dict[str, Path]:
-    """Returns each camera's file by its container's name; the first or only one has no name.
+    """Returns the camera files by container name; the first or only container has no name.
 
     The key `calibration` names the file of the first container's camera, or maps names of a
     tray's containers to the files of their cameras.
@@ -253,7 +271,7 @@ def read_cameras(source: YamlDocument, model: Path) -> dict[str, Path]:
 def _file(
     source: YamlDocument, key: str, default: Path | None = None, name: str | None = None
 ) -> Path:
-    """Returns the path that a key names, or that a name in the key's mapping does."""
+    """Returns the path of the file that a key, or an entry under it, gives in the cell file."""
     value = source.value.get(key, default)
     value = value if name is None else value[name]
     if not isinstance(value, str | Path) or "\0" in str(value):

@@ -365,7 +365,7 @@ def _of_cylinder(calibration: AnyCalibration, source: str) -> Calibration:
 
 
 def _built(source: YamlDocument, prefix: str, build: Callable[[], _T]) -> _T:
-    """Builds an object; adds file name and key to the messages of its errors."""
+    """Constructs an object from a file's entry; adds file name and key to error messages."""
     try:
         return build()
     except SloshCameraError as error:

@@ -49,7 +49,7 @@ class JointLeg(Leg):
     follows_yaw: bool
 
     def columns(self, s: Array) -> Array:
-        """Returns the quantities along the leg that the search interpolates, one per column."""
+        """Returns the quantities that the search interpolates along the leg, one per column."""
         motion = Leg.columns(self, s)
         turned = self._liquid_axes(s).reshape(len(s), -1)
         slope, bend, change = (self.joint_derivative(s, order) for order in (1, 2, 3))

@@ -177,7 +177,7 @@ def demanded(
     error: ModelError | None,
     loose: LooseContainer | None,
 ) -> tuple[Checker, PlanLimits, PlanLimits, float]:
-    """Returns the check of motions, limits to keep with and without the error, and the yaw [rad].
+    """Returns the motion checker, the limits with and without the model's error, the yaw [rad].
 
     Args:
         model, path, attitude, margin, error, loose: as of `plan`.
