@@ -83,11 +83,11 @@ def _wall(container: Container) -> Array:
     reaches = np.array(container.reaches)
     corners = container.corners
     if not len(corners) and not (container.cornered or container.section == PRISMATIC):
-        return direction * reaches
+        return np.asarray(direction * reaches)
     if not len(corners):
         corners = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
-    wall: Array = direction * _distances(np.asarray(corners) * reaches, direction)[:, np.newaxis]
-    return wall
+    distances = _distances(np.asarray(corners) * reaches, direction)
+    return np.asarray(direction * distances[:, np.newaxis])
 
 
 def _distances(corners: Array, direction: Array) -> Array:
