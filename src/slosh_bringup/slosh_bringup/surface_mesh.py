@@ -86,7 +86,8 @@ def _wall(container: Container) -> Array:
         return direction * reaches
     if not len(corners):
         corners = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
-    return direction * _distances(np.asarray(corners) * reaches, direction)[:, np.newaxis]
+    wall: Array = direction * _distances(np.asarray(corners) * reaches, direction)[:, np.newaxis]
+    return wall
 
 
 def _distances(corners: Array, direction: Array) -> Array:

@@ -4,14 +4,13 @@ import socket
 
 import pytest
 
-from slosh_bringup.live import service_manager
 from slosh_bringup.live.service_manager import ServiceManager
 
 
 @pytest.fixture
 def clock(monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(service_manager.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr("slosh_bringup.live.service_manager.time.monotonic", lambda: now[0])
     return now
 
 

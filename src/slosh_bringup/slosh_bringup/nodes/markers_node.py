@@ -97,7 +97,7 @@ class MarkersNode(PolledNode):
         try:
             start = node_start(message, time.time_ns(), topics.SETTINGS)
             if start.node == "monitor":
-                limits = MonitorSettings.from_told(start.parameters).limits
+                limits = MonitorSettings.from_partial(start.parameters).limits
                 self._limit = float(np.fmin(limits[Source.MEASURED], limits[Source.ESTIMATED]))
             elif start.node == "estimator":
                 self._take_model(model_of(start))
