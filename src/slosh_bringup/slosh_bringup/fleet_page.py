@@ -144,7 +144,7 @@ def _trend(
             values = [factor * value for _, value in rows]
             axes.plot(days, values, dashes, marker=".", markersize=4.0, color=colour)
         axes.ticklabel_format(axis="y", useOffset=False)
-        locator = AutoDateLocator(maxticks=8)
+        locator = AutoDateLocator(minticks=3, maxticks=8)
         axes.xaxis.set_major_locator(locator)
         axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
         drawing = Markup(svg_text(figure, name))
