@@ -91,14 +91,14 @@ COLUMNS: Mapping[str, str] = {
     "gaps": "number of time spans without a measurement",
     "role": "what the file is for, or on whose behalf a person signs",
     "bytes": "size of the file [byte]",
-    "sha-256": "digest of the file's content; any change gives another one",
+    "sha-256 | SHA-256 of the content": "digest of the file's content; any change gives another one",
     "origin": "where the limit comes from",
     "limit_use": "highest measured height by its limit [%]",
     "reproduced": "recorded estimates that the replay gave again",
     "deviation": "standard deviation of a motion's highest heights over the recordings [mm]",
     "mean lowest spread": "mean, least value and highest minus lowest of a motion's highest "
     "heights over the recordings [mm]",
-    "name date signature": "lines to be signed by hand",
+    "name | date | date of issue | signature": "lines to be signed by hand",
     # motions of months
     "month": "month of the motions' begin (UTC)",
     "container": "shape of the container",
