@@ -66,7 +66,7 @@ def criteria_table(report: ValidationReport) -> Table:
     """Returns the table of the acceptance criteria with their verdicts."""
     columns = (
         Column("criterion", 30), Column("recording", 20), Column("found", 12, right=True),
-        Column("± U", 12, right=True), Column("limit", 12, right=True), Column("unit", 9),
+        Column("U", 12, right=True), Column("limit", 12, right=True), Column("unit", 9),
         Column("verdict", 20),
     )  # fmt: skip
     rows = tuple(_criterion(one) for one in report.criteria)
@@ -90,7 +90,7 @@ def _recordings(report: ValidationReport) -> Table:
         Column("recording", 24), Column("recorded", 34), Column("duration [s]", 15, right=True),
         Column("images", 13, right=True), Column("samples", 15, right=True),
         Column("gaps", 10, right=True), Column("lost", 10, right=True),
-        Column("dropped", 16, right=True), Column("flags (images)", 32),
+        Column("dropped", 16, right=True), Column("flags", 32),
     )  # fmt: skip
     rows = tuple(
         (
@@ -124,8 +124,8 @@ def _files(report: ValidationReport) -> Table:
 
 def _limits(report: ValidationReport) -> Table:
     columns = (
-        Column("recording", 25), Column("quantity", 30), Column("limit [mm]", 18, right=True),
-        Column("from", 70),
+        Column("recording", 25), Column("what", 30), Column("limit [mm]", 18, right=True),
+        Column("origin", 70),
     )  # fmt: skip
     rows = tuple(
         (one.recording, one.quantity, Number(one.limit, "mm"), one.origin) for one in report.limits
@@ -170,7 +170,7 @@ def _results(report: ValidationReport) -> tuple[Block, ...]:
 def _heights(report: ValidationReport) -> Table:
     columns = (
         Column("recording", 25), Column("measured [mm]", 22, right=True),
-        Column("± U [mm]", 16, right=True), Column("estimated [mm]", 23, right=True),
+        Column("U [mm]", 16, right=True), Column("estimated [mm]", 23, right=True),
         Column("limit [mm]", 18, right=True), Column("limit use [%]", 20, right=True),
         Column("reproduced", 28, right=True),
     )  # fmt: skip
@@ -230,7 +230,7 @@ def _motions(report: ValidationReport) -> Table:
     columns = (
         Column("recording", 28), Column("motion", 15, right=True),
         Column("start [s]", 18, right=True), Column("end [s]", 18, right=True),
-        Column("measured [mm]", 24, right=True), Column("± U [mm]", 18, right=True),
+        Column("measured [mm]", 24, right=True), Column("U [mm]", 18, right=True),
         Column("MAE [mm]", 18, right=True), Column("ε [%]", 16, right=True),
     )  # fmt: skip
     rows = tuple(
@@ -249,9 +249,9 @@ def _motions(report: ValidationReport) -> Table:
 def _repeatability(report: ValidationReport) -> Table:
     columns = (
         Column("motion", 16, right=True), Column("recordings", 22, right=True),
-        Column("mean [mm]", 22, right=True), Column("s [mm]", 18, right=True),
+        Column("mean [mm]", 22, right=True), Column("deviation [mm]", 18, right=True),
         Column("lowest [mm]", 24, right=True), Column("highest [mm]", 24, right=True),
-        Column("spread [mm]", 24, right=True), Column("± U [mm]", 18, right=True),
+        Column("spread [mm]", 24, right=True), Column("U [mm]", 18, right=True),
     )  # fmt: skip
     rows = tuple(
         (
