@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
-from validation.long_runs.month_clients import GOOD, Clients
+from validation.long_runs.month_clients import GOOD, HEARING, Clients
 from validation.long_runs.month_days import ACTIVE, PERIOD, Day
 
 SECOND = 10**9
@@ -153,7 +153,7 @@ def late_losses(clients: Clients, outages: Sequence[Outage], deaf: Sequence[Outa
     for outage in outages:
         for protocol in clients.seen:
             begin, end = outage.begin + AFTER, outage.end
-            if protocol == "MQTT" and any(one.begin < end and begin < one.end for one in deaf):
+            if protocol in HEARING and any(one.begin < end and begin < one.end for one in deaf):
                 continue
             wrong = [one for one in clients.between(protocol, begin, end) if one.what == GOOD]
             last = list(clients.between(protocol, 0.0, end))[-1:]

@@ -21,6 +21,7 @@ from slosh_bringup.processes import NodeProcess, config_folder, node_environment
 from slosh_testing.live_processes import LiveProcess, alive
 from slosh_testing.plc import free_port
 from validation.long_runs.long_cell import resident
+from validation.long_runs.month_clients import GROUP
 from validation.long_runs.month_days import Day
 
 DAY: Final = 86400.0
@@ -99,7 +100,8 @@ class Site:
         write_text(
             folder / "plc.yaml",
             f"/**: {{plc: {{ros__parameters: {{opc_ua_port: {self.opc_ua}, "
-            f'modbus_port: {self.modbus}, mqtt_broker: "127.0.0.1:{self.mqtt}"}}}}}}\n',
+            f'modbus_port: {self.modbus}, mqtt_broker: "127.0.0.1:{self.mqtt}", '
+            f"sparkplug_group: {GROUP}}}}}}}\n",
         )
 
     def _write_config(self, kind: str, limit: float) -> None:
@@ -132,13 +134,16 @@ class Site:
         )  # fmt: skip
 
     def start_cell(self, day: Day) -> LiveProcess:
-        """Starts `slosh cell` and waits until it is ready."""
+        """Starts `slosh cell`; see `wait_for`."""
         config = self.folder / ("events.yaml" if day.events else "complete.yaml")
         words = ("cell", "--config", str(config), "-o", str(self.runs))
-        cell = LiveProcess(words, self.words(f"cell_{day.number}"), self.environment())
+        return LiveProcess(words, self.words(f"cell_{day.number}"), self.environment())
+
+    @staticmethod
+    def wait_for(cell: LiveProcess) -> None:
+        """Waits until a cell is ready."""
         cell.wait_until_ready()
         cell.wait_for_nodes(len(NODES))
-        return cell
 
     def start_plc(self) -> LiveProcess:
         """Starts `slosh plc`, which runs through the whole month."""
@@ -152,6 +157,7 @@ class Site:
         given = {
             "motion": str(table), "model": str(config_folder() / "truth.yaml"),
             "camera": "false", "rate": "200.0", "imu_every": "0", "acceleration_noise": "0.003",
+            "wait_for": ",".join(NODES),
         }  # fmt: skip
         command = NodeProcess("cell", parameters=given).command("/slosh")
         with self.words("robot").open("wb") as said:

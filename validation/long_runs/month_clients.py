@@ -12,12 +12,19 @@ import time
 from collections.abc import Callable, Coroutine, Iterator
 from typing import Any, NamedTuple
 
-from slosh_plc.cell_state import SIGNALS
+from slosh_plc.cell_state import SIGNALS, Quality
 from slosh_plc.opc_ua import NAMESPACE, node_name
 from slosh_plc.server import quiet
+from slosh_plc.sparkplug import REBIRTH
+from slosh_plc.sparkplug_payload import QUALITIES, flag_metric, message, payload
 
 GOOD, BAD, GONE = "good", "bad", "gone"
 """What a client sees: a good value, a bad one, or no server."""
+POLLING = ("OPC UA", "Modbus")
+HEARING = ("MQTT", "Sparkplug")
+"""Protocols of clients that look, and of those that a broker tells."""
+GROUP = "plant"
+"""Of the Sparkplug edge node."""
 POLLED = 0.1  # s
 AGAIN = 0.2  # s
 
@@ -30,19 +37,19 @@ class Seen(NamedTuple):
 
 
 class Clients:
-    """Clients over OPC UA, Modbus TCP and MQTT in a thread; use it as a context manager.
+    """Clients of four protocols in a thread; use it as a context manager.
 
     Args:
         cell: name of the cell.
         opc_ua, modbus, mqtt: ports on this machine.
 
     Attributes:
-        seen: by protocol; MQTT is told of changes, the others look every 0.1 s.
+        seen: by protocol; a broker tells of changes, the others look every 0.1 s.
         height: the newest estimated height [m]; NaN: unknown.
     """
 
     def __init__(self, cell: str, opc_ua: int, modbus: int, mqtt: int) -> None:
-        self.seen: dict[str, list[Seen]] = {"OPC UA": [], "Modbus": [], "MQTT": []}
+        self.seen: dict[str, list[Seen]] = {name: [] for name in (*POLLING, *HEARING)}
         self.height = math.nan
         self._cell = cell
         self._ports = opc_ua, modbus, mqtt
@@ -73,7 +80,8 @@ class Clients:
         self._loop.run_until_complete(self._all())
 
     async def _all(self) -> None:
-        kinds = {"OPC UA": self._opc_ua, "Modbus": self._modbus, "MQTT": self._mqtt}
+        follow = self._opc_ua, self._modbus, self._mqtt, self._sparkplug
+        kinds = dict(zip(self.seen, follow, strict=True))
         tasks = [asyncio.create_task(self._repeat(*one)) for one in kinds.items()]
         while not self._ending.is_set():
             await asyncio.sleep(AGAIN)
@@ -135,3 +143,22 @@ class Clients:
                 told = json.loads(message.payload)
                 is_good = told["values"]["state"]["quality"] == "good"
                 self._note("MQTT", GOOD if is_good else BAD)
+
+    async def _sparkplug(self) -> None:
+        from aiomqtt import Client
+
+        kinds = ("NBIRTH", "NDATA", "NDEATH")
+        own = next(alias for alias, one in enumerate(SIGNALS, 1) if one.name == "state")
+        async with Client("127.0.0.1", self._ports[2], keepalive=2) as client:
+            await client.subscribe([(f"spBv1.0/{GROUP}/{kind}/{self._cell}", 1) for kind in kinds])
+            command = payload(0, [flag_metric(REBIRTH, True)])
+            await client.publish(f"spBv1.0/{GROUP}/NCMD/{self._cell}", command)
+            async for received in client.messages:
+                if "/NDEATH/" in str(received.topic):
+                    self._note("Sparkplug", GONE)
+                    continue
+                for metric in message("Payload").FromString(received.payload).metrics:
+                    if metric.alias == own:
+                        quality = metric.properties.values[0].int_value
+                        is_good = quality == QUALITIES[Quality.GOOD]
+                        self._note("Sparkplug", GOOD if is_good else BAD)
