@@ -1,4 +1,4 @@
-"""A recording that begins in the middle of a run, or has a hole, goes on from a recorded state."""
+"""Tests that recordings without a known start continue from a recorded state."""
 
 import math
 

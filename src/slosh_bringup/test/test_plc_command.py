@@ -1,4 +1,4 @@
-"""Tests `slosh plc`, and the keys with which a cell file and a launch start its node."""
+"""Tests `slosh plc`, and the keys with which cell file and launch file start its node."""
 
 import json
 from datetime import datetime

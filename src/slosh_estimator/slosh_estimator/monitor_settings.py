@@ -81,7 +81,7 @@ class MonitorSettings:
         )
 
     @classmethod
-    def from_told(cls, parameters: Mapping[str, Any]) -> MonitorSettings:
+    def from_partial(cls, parameters: Mapping[str, Any]) -> MonitorSettings:
         """Creates settings from whichever limits the parameters contain; others are unlimited."""
         names = ("measured_limit", "estimated_limit", "disagreement_limit", RIM, RIM_DISTANCE)
         values = [parameters.get(name) for name in names]

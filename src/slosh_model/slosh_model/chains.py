@@ -83,7 +83,7 @@ def _modulations() -> list[str]:
 
 
 def _changes(hook: str, around: str, memory: Mapping[str, int]) -> list[str]:
-    """Generates a function by which modelled effects change a value one after another."""
+    """Generates source code that applies the effects of one kind to a value in turn."""
     lines = [f"def all_{hook}s(dt, value, {around}, memory, p):"]
     for effect in BY_HOOK[hook]:
         own = own_memory(effect, hook, memory, "memory[")

@@ -74,7 +74,7 @@ def in_axes(inputs, axes):  # type: ignore[no-untyped-def]
 
 @compiled
 def along_mode(inputs, x, y):  # type: ignore[no-untyped-def]
-    """Returns the part of the inputs that drives a mode along (x, y); (0, 0): all of them."""
+    """Returns the inputs' part along the direction (x, y) of a mode; all inputs for (0, 0)."""
     if x == 0.0 and y == 0.0:
         return inputs
     share = x * inputs[AX] + y * inputs[AY]
@@ -171,7 +171,7 @@ def unwrapped(angle, before):  # type: ignore[no-untyped-def]
 
 @compiled
 def lightness(lift, az):  # type: ignore[no-untyped-def]
-    """Returns g divided by the effective gravity on a plane surface, at most 2.
+    """Returns g divided by the effective gravity, which is limited to at least g/2.
 
     Args:
         lift: 1 where the vertical acceleration acts, else 0.

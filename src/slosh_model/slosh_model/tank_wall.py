@@ -40,7 +40,7 @@ def _advance_double(memory, at, p, u, wave, fill, damping, dt):  # type: ignore[
 
 @compiled
 def _wave(reach, fill):  # type: ignore[no-untyped-def]
-    """Returns wave number k and K = k tanh kh of the first mode along an axis [1/m]."""
+    """Returns wave number k and K = k tanh(kh) [1/m] of the first mode along an axis."""
     k = 0.5 * math.pi / reach
     return k, k * math.tanh(k * fill)
 

@@ -357,7 +357,7 @@ class Arm(Robot):
 
 
 def _flat(placement: Any) -> Array:
-    """Returns the (12,) rotation by rows and translation of a placement of Pinocchio's."""
+    """Returns rotation (by rows) and translation of a Pinocchio placement as an array (12,)."""
     return np.concatenate([np.asarray(placement.rotation).ravel(), placement.translation])
 
 

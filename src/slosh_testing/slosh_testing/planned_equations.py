@@ -62,7 +62,7 @@ def rectangle_rate(tank):
     return rate, lambda q: 0.5 * (sides[0] * np.abs(q[0]) + sides[1] * np.abs(q[1]))
 
 
-def felt_by(motion, attitude):
+def apparent_acceleration(motion, attitude):
     """Returns the acceleration Rᵀ(a + g ẑ) - g ẑ in the container's axes (N, 3) [m/s²]."""
     weight = np.array([0.0, 0.0, GRAVITY])
     if motion.tilt is None and attitude is None:
@@ -78,7 +78,7 @@ def planned_heights(container, motion, attitude=None):
     rate, height = made(container)
     count = len(motion.t) + round(WATCHED * 1000)
     felt = np.zeros((count, 3))
-    felt[: len(motion.t)] = felt_by(motion, attitude)
+    felt[: len(motion.t)] = apparent_acceleration(motion, attitude)
 
     def derivative(now, state):
         row = min(int(now * 1000), count - 2)

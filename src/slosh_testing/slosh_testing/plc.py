@@ -94,5 +94,5 @@ class ServedCell:
             thread.stop()
 
     def lose(self) -> None:
-        """Makes the cell a lost one."""
+        """Changes the served state to that of a lost connection to the cell."""
         self.state = lost_state()

@@ -78,7 +78,7 @@ def governor_row() -> ReplayedNode:
 
 
 class _Step(NamedTuple):
-    """What a recorded step tells of its inputs.
+    """The inputs that the governor had received at a recorded step.
 
     Attributes:
         stamp_ns: of the step [ns].
@@ -101,7 +101,7 @@ class _Step(NamedTuple):
     places: tuple[float, ...]
 
     def command(self, size: int) -> Command:
-        """Returns the last command, of a number of coordinates."""
+        """Returns the step's newest velocity command, with `size` coordinates."""
         sent = 0 if math.isnan(self.age) else self.stamp_ns - round(self.age * SECOND)
         velocity, target = self.velocity[:size], self.target[:size]
         if not any(map(math.isnan, target)):
@@ -111,7 +111,7 @@ class _Step(NamedTuple):
 
 
 class ReplayedGovernor:
-    """Replays the governor; each recorded step tells which inputs had arrived before it.
+    """Replays the governor; each recorded step shows which inputs had arrived before it.
 
     Args:
         setting: of the replay.
@@ -169,7 +169,7 @@ class ReplayedGovernor:
 
 
 def _governor_of(start: NodeStart, places: tuple[float, ...]) -> Governor:
-    """Creates the governor of a recorded start."""
+    """Creates the governor from the settings that the node recorded at a start."""
     model, files = model_of(start), start.files
     arm = None
     if "urdf" in files:

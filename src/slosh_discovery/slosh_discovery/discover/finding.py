@@ -133,7 +133,7 @@ class HeightGap:
 
     @property
     def closed(self) -> float:
-        """Share of the error that is removed on held-out motions, or else on fitted ones."""
+        """Fraction of the error that is removed, on held-out motions or else on fitted ones."""
         held_out = math.isfinite(self.holdout_before)
         return self.holdout_closed if held_out else self.fit_closed
 

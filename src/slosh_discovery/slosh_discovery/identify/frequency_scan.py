@@ -23,7 +23,7 @@ DAMPINGS = (1.0, 3.0, 8.0)
 
 
 def scanned_start(problem: Problem) -> Array:
-    """Returns initial parameters (P,) with the natural frequency and damping that fit best."""
+    """Returns initial parameters (P,) with the best natural frequency and damping of a grid."""
     starts = problem.starts
     names = [parameter.name for parameter in problem.parameters]
     if FREQUENCY not in names:

@@ -1,4 +1,4 @@
-"""Cameras of containers behind a tray's first, in the monitor node."""
+"""Monitors of a tray's containers other than the first, each with its own camera."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class ContainerCameras:
             )  # fmt: skip
 
     def carry(self, tray: Tray | None, stamp_ns: int, settings: MonitorSettings) -> None:
-        """Follows the containers of the tray from a stamp [ns] on; None: there is no tray."""
+        """Replaces the containers of the tray from a stamp [ns] on; None if there is no tray."""
         self._complaint = ""
         for name in self._names:
             try:

@@ -112,7 +112,7 @@ class Bins:
 
 
 class Stretch:
-    """The time span of constant values to which the newest time bin belongs.
+    """Time span in which the mean values of successive time bins stay constant.
 
     Args:
         tolerance: how far from the mean a bin of a noiseless sensor may lie.

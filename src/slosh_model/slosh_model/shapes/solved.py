@@ -228,7 +228,7 @@ def _neighbours(
 
 
 def _alike(rows: Sequence[tuple[ModeNumbers, ...]]) -> list[tuple[ModeNumbers, ...]]:
-    """Returns the modes along each axis before the first that has another shape in some row.
+    """Returns the modes along each axis up to the first whose shape differs between rows.
 
     Modes in order of frequency change places as the fill height changes.
     """

@@ -196,7 +196,7 @@ class Trough(TroughContainer):
 
     @property
     def _both(self) -> Points:
-        """Returns the points from rim to rim about y = 0, of a half those of both halves."""
+        """Section's points from rim to rim, centred on y = 0; a half section is mirrored."""
         points = self.profile
         if points[0][0] == 0.0 < points[1][0] and points[0][1] < points[-1][1]:
             return (*((-y, z) for y, z in points[:0:-1]), *points)

@@ -260,7 +260,7 @@ def _through(at: Array, points: Array, first: Array | None, last: Array | None) 
 
 
 def _conditions(ends: tuple[list[tuple[int, Array]] | None, ...]) -> Any:
-    """Returns the end conditions for scipy; natural ones where the tangent is free."""
+    """Returns the end conditions for SciPy's splines; natural ones where the tangent is free."""
     if all(end is None for end in ends):
         return None
     none = np.zeros_like(next(end for end in ends if end is not None)[0][1])

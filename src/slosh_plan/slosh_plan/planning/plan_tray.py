@@ -48,7 +48,7 @@ class TrayPlan(NamedTuple):
 
 
 def no_error(model: str) -> ModelError | None:
-    """Returns None: the error of no model is known."""
+    """Returns None for every model, since no model error is known."""
     return None
 
 

@@ -239,7 +239,7 @@ def _integrated(trajectory: Trajectory) -> Array:
 
 
 def _ends(path: Path, t: Array, way: Array, speed: Array) -> list[float]:
-    """Returns the end time of each leg [s], at the slowest sample near each corner."""
+    """Returns the end times of the legs [s], at the slowest sample near each corner."""
     ends, length = [0.0], 0.0
     for leg in path.legs[:-1]:
         length += leg.length

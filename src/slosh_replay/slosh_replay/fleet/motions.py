@@ -220,7 +220,7 @@ def _liquid(starts: Sequence[NodeStart]) -> _Liquid:
 
 def _limits(starts: Sequence[NodeStart]) -> Mapping[Source, float]:
     start = latest(starts, "monitor")
-    return MonitorSettings.from_told(start.parameters if start is not None else {}).limits
+    return MonitorSettings.from_partial(start.parameters if start is not None else {}).limits
 
 
 def _read(run: RecordedRun, own: CellTopics, name: str, fields: Sequence[str]) -> _Table:
