@@ -109,7 +109,7 @@ class Interval:
 
     @property
     def curve(self) -> int:
-        """Number of columns of joint demands that are interpolated along a leg of the path."""
+        """Number of quantities that are interpolated along a leg for the limits of the joints."""
         return CURVE if self.joints is None else self.joints.width
 
     @property
