@@ -65,7 +65,7 @@ class CellSetup:
 
     @property
     def camera_nodes(self) -> dict[str, str]:
-        """Names of the nodes of further cameras, by the name of the container."""
+        """Names of the nodes of further cameras, by container name."""
         return {container: f"camera_{container}" for container in self.cameras}
 
     def processes(self, bag: Path) -> list[NodeProcess]:
