@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from slosh_bringup.cli.main import COMMANDS
 from slosh_bringup.processes import NODES
 from slosh_model.effects.registry import EFFECTS
 
@@ -71,6 +72,9 @@ def test_generated_text_is_in_its_pages(built):
         assert f"{name}.svg" in page
     index = (built / "effects" / "index.html").read_text(encoding="utf-8")
     assert index.count("<td><p><a ") == len(EFFECTS)
+    commands = (built / "commands.html").read_text(encoding="utf-8")
+    for name in COMMANDS:
+        assert f'<span class="pre">{name}</span></code>' in commands, name
     interfaces = (built / "interfaces.html").read_text(encoding="utf-8")
     for node, module in NODES.items():
         assert f'id="{node}"' in interfaces

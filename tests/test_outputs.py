@@ -32,7 +32,7 @@ PATIENCE = 60.0
 # A Header of stamp 0 with the frame "a".
 HEADER, DATA = "std_msgs/msg/Header", bytes.fromhex("000100000000000000000000020000006100")
 MANY_MESSAGES, MANY_ROWS, MANY_IMAGES = 200_000, 60_000, 40
-NO_OUTPUT = ("play", "plc", "store", "watch", "doctor", "explain", "mounting")
+NO_OUTPUT = ("migrate", "play", "plc", "store", "watch", "doctor", "explain", "mounting")
 
 
 @pytest.fixture(scope="module")
@@ -337,6 +337,10 @@ CASES = {
         "recover SHOP/bag -o OUT/new", "new", "recover SHOP/many_messages -o OUT/new", limit=1_000
     ),
     "new": Case("new OUT/new --radius 0.05 --fill-height 0.07", "new"),
+    "certificates": Case(
+        "certificates OUT --create cell-1.local --replace", "server.pem", limit=1_000,
+        library="cryptography",
+    ),
     "ingest": Case("ingest SHOP/recording --store OUT/new", "new"),
     "query --page": Case(
         "query --store SHOP/stored --page OUT/a.html", "a.html", limit=2_000, library="duckdb"

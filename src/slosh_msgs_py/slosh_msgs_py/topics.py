@@ -73,6 +73,8 @@ STOP_TRAJECTORY: Final = "stop_trajectory"
 """The motion of an emergency stop; latched,"""
 STOP_JOINT_TRAJECTORY: Final = "stop_joint_trajectory"
 """and that of the joints, if they are commanded."""
+MARKERS: Final = "markers"
+"""The surface for RViz and Foxglove, by the optional node `markers`."""
 PREDICTION: Final = "prediction"
 PREDICTION_OUTCOME: Final = "prediction_outcome"
 TRUTH: Final = "cell/truth"
@@ -234,6 +236,7 @@ TOPICS: tuple[Topic, ...] = (
         LIMIT_EVENT, "slosh_msgs/msg/LimitEvent", _ANSWER,
         remappable=True, latched=True, page=True,
     ),
+    Topic(MARKERS, "visualization_msgs/msg/MarkerArray", _ANSWER, recorded=False),
     Topic(PREDICTION, "slosh_msgs/msg/MotionPrediction", _ANSWER, remappable=True, latched=True),
     Topic(
         PREDICTION_OUTCOME, "slosh_msgs/msg/PredictionOutcome", _ANSWER,

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from slosh_plc.cell_state import SIGNALS, CellState, Kind, Quality, Reading
+from slosh_plc.certificates import read_certificate
 from slosh_plc.errors import SloshPlcError
 from slosh_plc.server import ServerHealth, State, missing
 from slosh_plc.tuning import TUNING
@@ -28,6 +29,7 @@ PREFIX: Final = "slosh"
 PORT, TLS_PORT = 1883, 8883
 LONGEST = 4096
 """Longest password file [bytes]."""
+OF_SOURCES = re.compile(r" ?\(_ssl\.c:\d+\)|\[SSL: \w+\] ?", re.ASCII)
 BROKER = re.compile(r"(?P<host>\[[0-9a-fA-F:]+\]|[\w.-]+)(:(?P<port>\d{1,5}))?", re.ASCII)
 
 
@@ -40,6 +42,8 @@ class MqttSettings:
         host, port: address of the broker.
         user, password: of the publisher; empty: none.
         authority: PEM file of the authority that signed the broker's certificate; None: no TLS.
+        identity: PEM files of the publisher's own certificate and key; None: the broker asks for
+            none.
     """
 
     cell: str
@@ -48,6 +52,7 @@ class MqttSettings:
     user: str = ""
     password: str = ""
     authority: Path | None = None
+    identity: tuple[Path, Path] | None = None
 
     @property
     def topic(self) -> str:
@@ -61,7 +66,13 @@ class MqttSettings:
 
 
 def read_settings(
-    cell: str, broker: str, user: str = "", password_file: str = "", authority: str = ""
+    cell: str,
+    broker: str,
+    user: str = "",
+    password_file: str = "",
+    authority: str = "",
+    certificate: str = "",
+    private_key: str = "",
 ) -> MqttSettings:
     """Reads the settings from a node's parameters.
 
@@ -71,6 +82,7 @@ def read_settings(
         user: name of the publisher; empty: none.
         password_file: file whose first line is the password; empty: none.
         authority: PEM file of a certificate authority, for TLS; empty: no TLS.
+        certificate, private_key: PEM files of the publisher's own certificate; empty: none.
 
     Raises:
         SloshPlcError: a value does not fit, or a file is missing or no such file.
@@ -89,10 +101,15 @@ def read_settings(
         except (OSError, UnicodeDecodeError) as error:
             reason = getattr(error, "strerror", None) or "is no text"
             raise SloshPlcError(f"mqtt_password_file: {password_file}: {reason}") from None
+    if bool(certificate) != bool(private_key):
+        raise SloshPlcError("mqtt_certificate and mqtt_private_key must be given together")
+    if certificate and not authority:
+        raise SloshPlcError("mqtt_certificate: needs mqtt_authority")
+    identity = (Path(certificate), Path(private_key)) if certificate else None
     path = Path(authority) if authority else None
     if path is not None:
-        _tls(path)
-    return MqttSettings(cell, found["host"].strip("[]"), port, user, password, path)
+        _tls(path, identity)
+    return MqttSettings(cell, found["host"].strip("[]"), port, user, password, path, identity)
 
 
 def document(cell: str, state: CellState, now: datetime) -> str:
@@ -172,11 +189,15 @@ class MqttPublisher:
     async def _run(self) -> None:
         from aiomqtt import MqttError
 
+        own = self._settings
         while True:
             try:
                 await self._publish()
             except (MqttError, OSError) as error:
-                self._problem = " ".join(str(error).split()) or type(error).__name__
+                self._problem = reason_of(error)
+                if "timed out" in self._problem and own.authority and own.identity is None:
+                    # With TLS 1.3 a broker refuses a client only after the client's handshake.
+                    self._problem += "; the broker may ask for mqtt_certificate"
             finally:
                 self._connected = False
             await asyncio.sleep(TUNING.retry)
@@ -191,7 +212,8 @@ class MqttPublisher:
             own.host, own.port, username=own.user or None, password=own.password or None,
             identifier=f"{PREFIX}-{own.cell.replace('/', '-')}",
             will=Will(own.topic, lost, qos=1, retain=True), keepalive=TUNING.keep_alive,
-            timeout=TUNING.retry, tls_context=_tls(own.authority) if own.authority else None,
+            timeout=TUNING.retry,
+            tls_context=_tls(own.authority, own.identity) if own.authority else None,
         )  # fmt: skip
         async with client:
             self._connected = True
@@ -212,9 +234,34 @@ def _plain(kind: Kind, value: float) -> bool | int | float | None:
     return bool(value) if kind is Kind.FLAG else value if kind is Kind.NUMBER else int(value)
 
 
-def _tls(authority: Path) -> ssl.SSLContext:
+def reason_of(error: Exception) -> str:
+    """Returns why a broker cannot be reached, in one line and without names of C sources."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    if "CERTIFICATE_VERIFY_FAILED" in text:
+        text = "mqtt_authority: the broker's " + text[text.index("certificate verify failed") :]
+    return OF_SOURCES.sub("", text)
+
+
+def _tls(authority: Path, identity: tuple[Path, Path] | None) -> ssl.SSLContext:
     try:
-        return ssl.create_default_context(cafile=authority)
+        context = ssl.create_default_context(cafile=authority)
     except (OSError, ssl.SSLError) as error:
         reason = error.strerror if type(error) is FileNotFoundError else "is no certificate in PEM"
         raise SloshPlcError(f"mqtt_authority: {authority}: {reason}") from None
+    if identity is None:
+        return context
+    own = read_certificate("mqtt_certificate", identity[0])
+    if own.days_left(datetime.now(UTC)) <= 0.0:
+        raise SloshPlcError(f"mqtt_certificate: {own.complaint(datetime.now(UTC))}")
+    try:
+        context.load_cert_chain(*identity, password=_no_password)
+    except (OSError, ssl.SSLError, ValueError) as error:
+        is_absent = type(error) is FileNotFoundError
+        reason = "no such file" if is_absent else f"is not the key of {identity[0]} in PEM"
+        raise SloshPlcError(f"mqtt_private_key: {identity[1]}: {reason}") from None
+    return context
+
+
+def _no_password() -> str:
+    """Answers for a key with a password; without it OpenSSL would ask on the terminal."""
+    raise ValueError("has a password")

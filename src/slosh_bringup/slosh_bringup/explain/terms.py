@@ -92,6 +92,8 @@ COLUMNS: Mapping[str, str] = {
     "hours": "eight hours of the day, a shift (UTC)",
     "begin": "begin of the motion (UTC)",
     "estimated": "height by the nonlinear model [mm]",
+    "change": "slope of a straight line through all motions, times the time from first to last",
+    "level [mm]": "median of the still level above the measurement's zero [mm]",
     # predictions and plans
     "motion trajectory": "motion that the row is about",
     "duration": "time from the start to the end of the motion or the excess [s]",

@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from slosh_bag.store.motion_ingest import PARAMETER as MOTIONS
 from slosh_base.files.errors import SloshFileError
+from slosh_base.files.file_version import CELL, read_versioned
 from slosh_base.files.nearest import did_you_mean
-from slosh_base.files.yaml_document import YamlDocument, read_yaml, shown
+from slosh_base.files.yaml_document import YamlDocument, shown
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import NodeProcess, config_folder
 from slosh_model.tray import read_tray
@@ -17,7 +19,9 @@ from slosh_msgs_py import topics
 from slosh_msgs_py.errors import SloshMessageError
 
 NAMESPACE = topics.NAMESPACE
-NODES_OF_A_CELL = ("recorder", "estimator", "camera", "sensor", "monitor", "governor", "plc")
+NODES_OF_A_CELL = (
+    "recorder", "estimator", "camera", "sensor", "monitor", "governor", "plc", "markers"
+)  # fmt: skip
 """In the order of their start: what the recorder records must not have begun."""
 REMAPPABLE = (
     *(topic.name for topic in topics.TOPICS if topic.remappable),
@@ -44,9 +48,13 @@ class CellSetup:
         remap: relative topic -> the robot's topic.
         reading: parameters of the estimator that say what drives it, as far as they are given.
         plc: whether the cell's state is served to controllers; see slosh_plc.
+        markers: whether the surface is published for RViz and Foxglove.
+        hardware_id: of the cell in diagnostics, such as a serial number; empty: its namespace.
         force: identification.json of the payload on a force sensor; None: there is none.
         cameras: camera.yaml of each container behind a tray's first that has a camera, by name.
         record: of RECORD; empty: as the recorder's parameters have it.
+        store_motions: folder or URL of the store that gets the recording's motions at its end, the
+            recorder's parameter of that name; empty: as the recorder's parameters have it.
         govern: kind of the commands that the governor limits, of topics.COMMANDING; empty: it is
             not started.
     """
@@ -60,8 +68,11 @@ class CellSetup:
     record: str = ""
     force: Path | None = None
     plc: bool = False
+    markers: bool = False
+    hardware_id: str = ""
     cameras: Mapping[str, Path] = field(default_factory=dict)
     govern: str = ""
+    store_motions: str = ""
 
     @property
     def camera_nodes(self) -> dict[str, str]:
@@ -70,8 +81,9 @@ class CellSetup:
 
     def processes(self, bag: Path) -> list[NodeProcess]:
         """Returns the cell's node processes; no camera or sensor node without its file."""
+        recorder = {"output": str(bag), "mode": self.record, MOTIONS: self.store_motions}
         own: dict[str, dict[str, str]] = {
-            "recorder": {"output": str(bag)},
+            "recorder": {key: value for key, value in recorder.items() if value},
             "estimator": {"model": str(self.model), **self.reading},
             "camera": {"calibration": str(self.calibration)},
             "monitor": {},
@@ -85,10 +97,10 @@ class CellSetup:
             own["monitor"] = {"camera": "false"}
         if self.plc:
             own["plc"] = {}
+        if self.markers:
+            own["markers"] = {}
         if self.cameras:
             own["monitor"]["cameras"] = ",".join(self.cameras)
-        if self.record:
-            own["recorder"]["mode"] = self.record
         if self.govern:
             robot = {key: self.reading[key] for key in ROBOT if key in self.reading}
             own["governor"] = {"model": str(self.model), "command": self.govern, **robot}
@@ -113,7 +125,7 @@ def read_setup(path: Path) -> CellSetup:
             the file, the line and the key.
     """
     try:
-        source = read_yaml(path)
+        source = read_versioned(path, CELL)
     except SloshFileError as error:
         raise SloshBringupError(str(error)) from None
     document = source.value
@@ -129,7 +141,10 @@ def read_setup(path: Path) -> CellSetup:
         "record",
         "force",
         "plc",
+        "markers",
+        "hardware_id",
         "govern",
+        MOTIONS,
         *READING,
     )
     for key in document:
@@ -154,7 +169,10 @@ def read_setup(path: Path) -> CellSetup:
         record=_one_of(source, "record", RECORD),
         govern=_one_of(source, "govern", tuple(topics.COMMANDING)),
         force=_file(source, "force") if "force" in document else None,
-        plc=_plc(source),
+        plc=_flag(source, "plc"),
+        markers=_flag(source, "markers"),
+        hardware_id=_hardware_id(source),
+        store_motions=_store(source),
     )
 
 
@@ -166,12 +184,33 @@ def _one_of(source: YamlDocument, key: str, known: Sequence[str]) -> str:
     return str(value)
 
 
-def _plc(source: YamlDocument) -> bool:
-    """Whether the cell file enables the OPC UA, MQTT and Modbus servers for controllers."""
-    value = source.value.get("plc", False)
+def _store(source: YamlDocument) -> str:
+    """Returns the store that the cell file names; a folder is relative to the file."""
+    value = source.value.get(MOTIONS, "")
+    if not isinstance(value, str) or "\0" in value:
+        raise SloshBringupError(
+            f"{source.at(MOTIONS)} = {shown(value)} must be a folder or a URL, such as "
+            "s3://bucket/motions"
+        )
+    if not value or "://" in value:
+        return value
+    return str((Path(source.source).parent / value).resolve())
+
+
+def _flag(source: YamlDocument, key: str) -> bool:
+    """Returns the value of a key that is true or false; false if the cell file lacks the key."""
+    value = source.value.get(key, False)
     if not isinstance(value, bool):
-        raise SloshBringupError(f"{source.at('plc')} = {shown(value)} must be true or false")
+        raise SloshBringupError(f"{source.at(key)} = {shown(value)} must be true or false")
     return value
+
+
+def _hardware_id(source: YamlDocument) -> str:
+    """Returns the cell's name or serial number for diagnostics; empty: none is given."""
+    value = source.value.get("hardware_id", "")
+    if isinstance(value, bool) or not isinstance(value, str | int):
+        raise SloshBringupError(f"{source.at('hardware_id')} = {shown(value)} must be a text")
+    return str(value)
 
 
 def _reading(source: YamlDocument) -> dict[str, str]:

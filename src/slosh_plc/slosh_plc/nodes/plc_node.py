@@ -61,6 +61,10 @@ PARAMETERS = (
         "mqtt_authority", "",
         "PEM file of the authority that signed the broker's certificate; empty: no TLS",
     ),
+    ParameterSpec(
+        "mqtt_certificate", "", "PEM file of the node's certificate for the broker; empty: none"
+    ),
+    ParameterSpec("mqtt_private_key", "", "PEM file of the private key of mqtt_certificate"),
 )  # fmt: skip
 
 
@@ -159,14 +163,17 @@ def servers_of(given: Mapping[str, Any], cell: str) -> list[Server]:
             paths = Path(given["certificate"]), Path(given["private_key"])
             own = read_server_certificate(*paths, datetime.now(UTC))
         folder = given["trusted_clients"]
-        trusted = read_trusted(Path(folder)) if folder else frozenset()
+        trusted = read_trusted(Path(folder)) if folder else ()
         servers.append(
             OpcUaServer(OpcUaSettings(cell, given["host"], given["opc_ua_port"], own, trusted))
         )
     if given["modbus_port"]:
         servers.append(ModbusServer(ModbusSettings(given["host"], given["modbus_port"])))
     if given["mqtt_broker"]:
-        names = ("mqtt_broker", "mqtt_user", "mqtt_password_file", "mqtt_authority")
+        names = (
+            "mqtt_broker", "mqtt_user", "mqtt_password_file", "mqtt_authority",
+            "mqtt_certificate", "mqtt_private_key",
+        )  # fmt: skip
         servers.append(MqttPublisher(mqtt.read_settings(cell, *(given[name] for name in names))))
     if not servers:
         raise SloshPlcError("opc_ua_port, modbus_port, mqtt_broker: set at least one of them")

@@ -11,9 +11,13 @@ from slosh_replay.fleet.store import FleetStore
 
 TABLE: Final = "motions"
 HOW_TO_GET: Final = "DuckDB is not installed (pip install -r requirements/fleet.txt)"
-_ONCE: Final = """SELECT * FROM stored
-QUALIFY row_number() OVER (PARTITION BY digest ORDER BY bag) = 1"""
-"""A motion that is in several bags counts once."""
+ONCE, DOUBTFUL = "stored_once", "stored_doubtful"
+_PARTS: Final = {
+    ONCE: f"SELECT {{columns}} FROM {ONCE}",
+    # A motion that is in several bags counts once.
+    DOUBTFUL: f"""SELECT {{columns}} FROM {DOUBTFUL}
+QUALIFY row_number() OVER (PARTITION BY digest ORDER BY bag) = 1""",
+}
 
 
 class Result(NamedTuple):
@@ -30,22 +34,26 @@ class MotionTable:
 
     Args:
         store: the store.
-        loaded: whether all motions are loaded at once, for many queries.
+        loaded: columns that are loaded at once, for many queries; empty: all are read anew.
 
     Raises:
         SloshBagError: DuckDB is not installed, or the store is empty.
     """
 
-    def __init__(self, store: FleetStore, *, loaded: bool = False) -> None:
+    def __init__(self, store: FleetStore, *, loaded: Sequence[str] = ()) -> None:
         try:
             self._duckdb = importlib.import_module("duckdb")
         except ImportError:
             raise SloshBagError(HOW_TO_GET) from None
-        dataset = store.dataset()
+        parts = dict(zip(_PARTS, store.parted(), strict=True))
         self._connection = self._duckdb.connect()
-        self._connection.register("stored", dataset)
-        kind = "TABLE" if loaded else "VIEW"
-        self.query(f"CREATE TEMP {kind} {TABLE} AS {_ONCE}")
+        for name, part in parts.items():
+            if part is not None:
+                self._connection.register(name, part)
+        chosen = [_PARTS[name] for name, part in parts.items() if part is not None]
+        kind, columns = ("TABLE", ", ".join(loaded)) if loaded else ("VIEW", "*")
+        rows = " UNION ALL ".join(f"({one.format(columns=columns)})" for one in chosen)
+        self.query(f"CREATE TEMP {kind} {TABLE} AS {rows}")
         self.query("SET enable_external_access = false")
         self.query("SET lock_configuration = true")
 
