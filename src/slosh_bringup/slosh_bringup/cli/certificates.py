@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Creates or trusts what is asked for, and prints all certificates; 1 if one has expired."""
+    """Creates or trusts certificates and prints all of them; returns 1 if one has expired."""
     if arguments.replace and not arguments.create:
         raise SloshBringupError("--replace: needs --create HOST")
     now = datetime.now(UTC)
@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def as_text(found: Sequence[Certificate], now: datetime) -> str:
-    """Returns the table of certificates, and a line about each that needs attention."""
+    """Formats certificates as a table, followed by a line for each that needs attention."""
     rows = [("of", "name", "valid until", "days left", "hosts", "SHA-256", "file")]
     rows += [
         (
@@ -79,7 +79,7 @@ def as_text(found: Sequence[Certificate], now: datetime) -> str:
 
 
 def as_json(found: Sequence[Certificate], now: datetime) -> str:
-    """Returns the certificates as JSON."""
+    """Formats certificates as a JSON list."""
     rows = [
         {
             "of": _role(one), "name": one.name, "uri": one.uri, "hosts": one.hosts,

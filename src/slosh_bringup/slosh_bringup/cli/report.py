@@ -1,4 +1,4 @@
-"""`slosh report`: writes a validation report of a container and a motion, and checks one."""
+"""`slosh report`: writes a validation report of a container's motion, or checks a written one."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def _add_acceptance(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Writes a validation report, or checks one."""
+    """Writes a validation report, or checks an existing one for later changes."""
     return _verify(arguments) if arguments.verify else _write(arguments)
 
 
@@ -166,7 +166,7 @@ def _file(output: Path, found: Assembled) -> bytes:
 
 
 def _check_outputs(outputs: list[Path], arguments: argparse.Namespace) -> None:
-    """Raises an error if an output has another ending, or would overwrite an input."""
+    """Raises an error if an output has an unknown suffix or would overwrite an input."""
     from slosh_bag.mcap_files.bag_folder import files_of
 
     for output in outputs:

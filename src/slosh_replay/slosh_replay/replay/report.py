@@ -142,13 +142,13 @@ def report_start(result: ReplayResult) -> int:
 
 
 def recorded_at(result: ReplayResult) -> str:
-    """Returns date and time of time zero on the report's page as text, UTC."""
+    """Returns the date and time (UTC) of time zero of the report's page, as text."""
     start = datetime.fromtimestamp(1e-9 * report_start(result), UTC)
     return f"{start:%Y-%m-%d %H:%M:%S} UTC"
 
 
 def highest(heights: Array) -> float:
-    """Returns the greatest known height [m]; NaN if none is known."""
+    """Returns the greatest of the known heights [m], or NaN if none is known."""
     known = heights[np.isfinite(heights)]
     return float(known.max()) if len(known) else NAN
 
