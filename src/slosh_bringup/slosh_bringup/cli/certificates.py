@@ -38,11 +38,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="with --create: time for which the certificate is valid [day] (default %(default)g)",
     )  # fmt: skip
     parser.add_argument(
-        "--replace", action="store_true", help="with --create: replace a certificate that is there"
+        "--replace",
+        action="store_true",
+        help="with --create: replace an existing certificate and key",
     )
     parser.add_argument(
         "--trust", nargs="+", type=Path, default=[], metavar="FILE",
-        help="trust the clients of these certificates, PEM or DER",
+        help="certificates (PEM or DER) of clients to trust",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the certificates as JSON")
 

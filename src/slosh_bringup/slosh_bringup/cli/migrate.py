@@ -22,7 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "files", nargs="+", type=Path, metavar="FILE", help=f"files to rewrite, such as {names}"
     )
-    parser.add_argument("--dry-run", action="store_true", help="only tell what would be rewritten")
+    parser.add_argument(
+        "--dry-run", action="store_true", help="only print which files would be rewritten"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
