@@ -93,7 +93,7 @@ class MotionIngest:
 def _waited(
     process: subprocess.Popen[bytes], tell: Callable[[], object], longest: float
 ) -> int | None:
-    """Returns the exit code of a process; None: it takes longer [s]."""
+    """Waits for a process and returns its exit code, or None if `longest` [s] has passed."""
     waited = 0.0
     while waited < longest:
         step = min(1.0, longest - waited)
