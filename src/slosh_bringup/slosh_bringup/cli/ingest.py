@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Stores the motions of each bag; goes on if one cannot be read."""
+    """Stores the motions of each bag; continues if a bag cannot be read."""
     from slosh_bringup.cli.progress import item_progress
     from slosh_bringup.many_files import map_files
 

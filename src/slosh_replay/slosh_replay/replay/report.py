@@ -183,7 +183,7 @@ def event_spans(events: Sequence[Event], start: int) -> tuple[ExcessSpan, ...]:
 
 
 def _shown(result: ReplayResult) -> slice:
-    """Returns the range of images near estimates; a recording may be much longer."""
+    """Returns the range of images that have estimates nearby; a recording may be much longer."""
     known = [np.flatnonzero(np.isfinite(heights)) for heights in result.heights.values()]
     indices = np.concatenate(known) if known else np.empty(0, dtype=np.int64)
     if len(indices) == 0:
