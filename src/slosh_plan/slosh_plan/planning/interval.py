@@ -75,7 +75,7 @@ class StateLayout:
 
     @property
     def control_scale(self) -> Array:
-        """Scale (driven,) of the third derivatives."""
+        """Scale (driven,) of the controls, so that the solver's numbers are about 1."""
         return np.array([50.0, *([100.0] * (self.driven - 1))])
 
     @property
