@@ -261,7 +261,7 @@ class ReplayStream:
         self._heights = whole
 
     def _release(self, until: int, final: bool) -> None:
-        """Passes all data up to a stamp [ns] to the series and to the later nodes."""
+        """Passes all data up to a stamp [ns] to the stored series and to the dependent nodes."""
         if self.unrelated and not final:
             return
         measured, estimates = self._take_measured(until), self._heights
