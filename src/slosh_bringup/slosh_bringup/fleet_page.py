@@ -144,9 +144,10 @@ def _trend(
             values = [factor * value for _, value in rows]
             axes.plot(days, values, dashes, marker=".", markersize=4.0, color=colour)
         axes.ticklabel_format(axis="y", useOffset=False)
-        locator = AutoDateLocator(minticks=3, maxticks=8)
+        locator: Any = AutoDateLocator(minticks=3, maxticks=8)  # type: ignore[no-untyped-call]
         axes.xaxis.set_major_locator(locator)
-        axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+        shown: Any = ConciseDateFormatter(locator)  # type: ignore[no-untyped-call]
+        axes.xaxis.set_major_formatter(shown)
         drawing = Markup(svg_text(figure, name))
     return Trend(name, label, drawing, [one.title for one in drifts])
 

@@ -83,7 +83,8 @@ def _wall(container: Container) -> Array:
     reaches = np.array(container.reaches)
     corners = container.corners
     if not len(corners) and not (container.cornered or container.section == PRISMATIC):
-        return direction * reaches
+        round_wall: Array = direction * reaches
+        return round_wall
     if not len(corners):
         corners = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
     wall: Array = direction * _distances(np.asarray(corners) * reaches, direction)[:, np.newaxis]
