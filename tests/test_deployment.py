@@ -35,7 +35,7 @@ def analyze(*words):
 
 
 def values(key):
-    """The values of a key of the unit."""
+    """Returns the values of a key in the systemd unit."""
     return re.findall(rf"^{key}=(.*)$", UNIT.read_text(), re.MULTILINE)
 
 
@@ -123,7 +123,7 @@ def test_the_services_command_tells_that_it_is_ready_alive_and_stopping(tmp_path
 
 
 def heard_until(manager, word):
-    """Reads what the service manager is told, up to and with a word."""
+    """Reads messages sent to systemd's socket until one contains a word."""
     while word not in (lines := manager.recv(2000).decode().splitlines()):
         pass
     return lines

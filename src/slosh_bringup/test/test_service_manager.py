@@ -16,7 +16,7 @@ def clock(monkeypatch):
 
 @pytest.fixture(params=["file", "abstract"])
 def manager(request, tmp_path):
-    """A socket as systemd's, and its name in the environment."""
+    """Provides a bound socket like systemd's and an environment that names it."""
     name = str(tmp_path / "notify") if request.param == "file" else f"@{tmp_path}"
     listening = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
     with listening:
