@@ -1,4 +1,4 @@
-"""The built pages: a browser loads nothing from outside; formulae and search need no network."""
+"""Tests that the built pages load nothing from outside; formulae and search work offline."""
 
 import importlib
 import re
@@ -24,7 +24,7 @@ LOADED = {
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
-    """The pages, built anew."""
+    """Builds the documentation pages anew; returns their folder."""
     folder = tmp_path_factory.mktemp("html")
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html"]
     done = subprocess.run(
@@ -36,7 +36,7 @@ def built(tmp_path_factory):
 
 
 class Addresses(HTMLParser):
-    """Collects what a page loads, and its formulae."""
+    """Collects the addresses that a page loads, and its formulae."""
 
     def __init__(self, page):
         super().__init__()

@@ -1,4 +1,4 @@
-"""Recorded bags and public measurements as measured motions, with the models beside them."""
+"""Tests recorded bags and public data as measured motions, compared with the models."""
 
 import os
 from pathlib import Path
@@ -31,7 +31,7 @@ RUNS = ("LE_3D_0m_5s_900deg", "TRD_2D_0.3m_2.6s_270deg", "Tilt_RD_3D_0.3m_7.5s_2
 
 
 def rms(motion: MeasuredMotion, model: Model, felt: np.ndarray | None = None) -> float:
-    """Of measured minus predicted, while the container moves and a second longer [m]."""
+    """Returns the rms of measured minus predicted height [m], during the motion and 1 s after."""
     driven = motion.inputs.acceleration if felt is None else felt
     predicted = simulate(model, Inputs(motion.inputs.t, driven))[0].msh
     moving = motion.inputs.t[np.linalg.norm(driven, axis=1) > 0.15]

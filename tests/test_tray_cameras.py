@@ -40,7 +40,7 @@ def tray(tmp_path: Path) -> Path:
 
 
 class Cameras:
-    """Two cameras on a turning tray: each reads a wave of its own, as if it saw it."""
+    """Simulates two cameras on a turning tray, each of which reads a wave of its own."""
 
     def __init__(self, robot: HearingRobot) -> None:
         self.robot = robot

@@ -1,4 +1,4 @@
-"""Formats the commands as tables for docs/commands.md, from the command line's own list."""
+"""Formats the list of commands as tables for docs/commands.md."""
 
 from __future__ import annotations
 
@@ -8,16 +8,20 @@ from slosh_bringup.cli.main import GROUPS
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 PAGES = {
+    "certificates": "robot.md#controllers",
     "demo": "start.md",
     "explain": "effects/index.md",
     "export": "files.md#export-of-topics",
     "import": "files.md#tables-of-other-programs",
+    "ingest": "robot.md#recording",
+    "migrate": "deployment.md#upgrade",
     "modes": "physics.md#containers-with-a-contour",
     "motion": "identify.md#motions",
     "motion-map": "shape.md#motion-maps",
     "mounting": "input_checks.md#a-second-source",
     "new": "start.md",
     "plc": "robot.md#controllers",
+    "query": "robot.md#recording",
     "recover": "files.md#unfinished-and-damaged-bags",
     "simulate": "files.md#motion-table-csv-csvgz",
     "store": "robot.md#recording",
@@ -35,7 +39,7 @@ def tables() -> str:
 
 
 def linked(name: str) -> str:
-    """Formats a command's name, as a link to its page if it has one."""
+    """Formats a command's name, as a link to the command's page if there is one."""
     page = PAGES.get(name, f"{name}.md")
     shown = f"`slosh {name}`"
     return f"[{shown}]({page})" if (DOCS / page.partition("#")[0]).exists() else shown

@@ -212,7 +212,7 @@ def joint_constraints(arm: Arm, limits: JointLimits) -> list[Any]:
 
 
 def leg_time(arm: Arm, limits: JointLimits, leg: Leg) -> float:
-    """The shortest time along a leg for the joints' limits but the jerk's, by toppra [s]."""
+    """Returns toppra's shortest time [s] along a leg, for all joint limits except the jerk's."""
     ta: Any = importlib.import_module("toppra")
     ta.setup_logging("ERROR")
     assert isinstance(leg, JointLeg)

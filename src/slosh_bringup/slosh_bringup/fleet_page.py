@@ -1,4 +1,4 @@
-"""HTML page over the motions of months: trends, events by shift, the worst motions."""
+"""HTML page about months of stored motions: trends, events by shift, the worst motions."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ CHARTS: Final = (
 
 
 class Drift(NamedTuple):
-    """A container in a cell: median and change over the whole time of what the observer found.
+    """Median and change of the identified frequency, damping and level of a container in a cell.
 
     None in a number: unknown.
     """
@@ -75,12 +75,12 @@ class Drift(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Cell, container and the begin of the model's digest."""
+        """Cell, container and the first digits of the model's digest, as text."""
         return f"{self.cell}, {self.container or 'unknown container'}, model {self.model[:8]}"
 
 
 class Trend(NamedTuple):
-    """A chart of daily medians; `drawing` is empty where nothing is known."""
+    """A chart of daily medians; `drawing` is empty if there are no values."""
 
     name: str
     label: str
@@ -89,14 +89,14 @@ class Trend(NamedTuple):
 
 
 class BagLink(NamedTuple):
-    """A bag's path, and its address if it is on this machine's disk."""
+    """A bag's path, with its URL if the bag is on this machine's disk."""
 
     path: str
     url: str
 
 
 def render_fleet(store: FleetStore) -> str:
-    """Renders the page of a store as HTML; all texts are escaped.
+    """Renders the HTML page of a store of motions; all texts in it are escaped.
 
     Raises:
         SloshBagError: DuckDB is not installed, or the store is empty.
@@ -118,7 +118,7 @@ def render_fleet(store: FleetStore) -> str:
 
 
 def _most_changed(drifts: Sequence[Drift], number: int) -> list[Drift]:
-    """Returns the containers in which one of CHARTS has changed most, in the order of `drifts`."""
+    """Returns the containers whose value in a chart has changed most, in the given order."""
     changes = [(one.frequency_change, one.damping_change, one.level_change) for one in drifts]
     known = [(abs(own[number] or 0.0), -row) for row, own in enumerate(changes)
              if own[number] is not None]  # fmt: skip
@@ -129,7 +129,7 @@ def _most_changed(drifts: Sequence[Drift], number: int) -> list[Drift]:
 def _trend(
     table: MotionTable, drifts: Sequence[Drift], name: str, column: str, label: str, factor: float
 ) -> Trend:
-    """Draws the daily medians of a column, one line for each container."""
+    """Draws the daily medians of a column of the stored motions, one line per container."""
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
     sql = _TREND.format(column=column)
@@ -144,9 +144,10 @@ def _trend(
             values = [factor * value for _, value in rows]
             axes.plot(days, values, dashes, marker=".", markersize=4.0, color=colour)
         axes.ticklabel_format(axis="y", useOffset=False)
-        locator = AutoDateLocator(minticks=3, maxticks=8)
+        locator: Any = AutoDateLocator(minticks=3, maxticks=8)  # type: ignore[no-untyped-call]
         axes.xaxis.set_major_locator(locator)
-        axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+        shown: Any = ConciseDateFormatter(locator)  # type: ignore[no-untyped-call]
+        axes.xaxis.set_major_formatter(shown)
         drawing = Markup(svg_text(figure, name))
     return Trend(name, label, drawing, [one.title for one in drifts])
 

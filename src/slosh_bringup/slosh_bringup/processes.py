@@ -31,6 +31,7 @@ NODES: Mapping[str, str] = {
     "camera": "slosh_camera.nodes.camera_node",
     "estimator": "slosh_estimator.nodes.estimator_node",
     "governor": "slosh_plan.nodes.governor_node",
+    "markers": "slosh_bringup.nodes.markers_node",
     "monitor": "slosh_estimator.nodes.monitor_node",
     "planner": "slosh_plan.nodes.planner_node",
     "plc": "slosh_plc.nodes.plc_node",
@@ -85,7 +86,7 @@ class NodeProcess:
 
 
 def kind_of(name: str) -> str:
-    """Returns which of NODES a node is; the camera of the container left is called camera_left."""
+    """Returns a node's type in NODES; the camera node of container `left` is `camera_left`."""
     return name if name in NODES else name.partition("_")[0]
 
 

@@ -1,4 +1,4 @@
-"""Tests `slosh ingest` and `slosh query`: rows once, one line for what is wrong, a page."""
+"""Tests `slosh ingest` and `slosh query`: unique rows, one-line errors, and the page."""
 
 import importlib
 import json
@@ -43,7 +43,7 @@ def test_bags_are_ingested_once_and_a_wrong_one_costs_no_other(tmp_path, capsys)
 
 @pytest.fixture(scope="module")
 def months(tmp_path_factory):
-    """A store of three months: a container whose frequency falls, another one, and events."""
+    """A store with three months of motions: two containers, one with falling frequency."""
     place = tmp_path_factory.mktemp("fleet") / "store"
     begin = int(datetime(2026, 1, 10, 9, tzinfo=UTC).timestamp()) * 10**9
     numbers = {column.name: 0.01 for column in COLUMNS if column.type == "float"}

@@ -1,4 +1,4 @@
-"""The governor in a replay: its steps come out again from commands and fused estimates."""
+"""Tests that a replay reproduces the governor's steps from commands and fused estimates."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ EVERY, AHEAD = 5, 40_000_000
 
 
 class GovernedBag(LiveBag):
-    """A recording of a governor beside an estimator with an observer.
+    """A recording of a governor and of an estimator with an observer.
 
     Its first step tells a wrong share, by `wrong`; the first `cut` seconds are not recorded.
     """

@@ -217,7 +217,7 @@ def check_paths(data: Sequence[Path], holdout: Sequence[Path], output: Path) -> 
 
 
 def recorded_model(bag: Path) -> Model:
-    """Returns the last model that the estimator used in a bag, or in a folder's last that tells.
+    """Returns the estimator's last model in a bag, or in the last bag of a folder that has one.
 
     Raises:
         SloshDiscoveryError: the bag does not tell.

@@ -145,12 +145,12 @@ class Prediction:
 
     @property
     def excess(self) -> float:
-        """Excess of the interval's upper end over the height limit [m], or 0 if it is kept."""
+        """Excess of the interval's upper end over the height limit [m], or 0 if it is below."""
         return max(self.upper - self.limits.height, 0.0)
 
     @property
     def residual_excess(self) -> float:
-        """Excess of the residual's upper end over its limit [m], or 0 if it is kept."""
+        """Excess of the residual's upper end over its limit [m], or 0 if it is below."""
         return max(self.residual_upper - self.limits.residual, 0.0)
 
     @property
@@ -315,7 +315,7 @@ def check_start(model: Model, state: LiquidState | None, limits: HeightLimits) -
 
 
 def principal_variants(model: Model, width: float = 1.0) -> list[tuple[Model, Model]]:
-    """Returns models displaced along each principal axis of the parameters' covariance.
+    """Returns pairs of models displaced ± along each principal axis of the covariance.
 
     Args:
         model: the model; without a covariance there are none.
@@ -357,7 +357,7 @@ def _answer(model: Model, found: Extremes, quiet: float, horizon: float) -> Mode
 
 
 def _settling(model: Model, found: Extremes, quiet: float, horizon: float) -> float:
-    """Extrapolates the settling time [s] from the last simulated period by its decay."""
+    """Computes the settling time [s] by extrapolating the wave's exponential decay."""
     if found.residual <= quiet:
         return 0.0
     if not math.isfinite(found.last):

@@ -56,7 +56,7 @@ class TrayPrediction(NamedTuple):
 
     @property
     def loose_words(self) -> list[str]:
-        """Sentences on loosely standing containers: used share of friction and support base."""
+        """Sentences on loosely standing containers: used fraction of friction and support base."""
         return [
             f"{name} {use.words}: {100.0 * use.friction:.0f} % of the friction, centre of "
             f"pressure at {100.0 * use.tipping:.0f} % of the base's radius"
@@ -163,7 +163,7 @@ def tray_scales(
     count: int = COUNT,
     most: float = math.inf,
 ) -> SafeScales:
-    """Returns the time scales with which every container keeps its limits, and its place.
+    """Returns the time scales with which each container keeps its limits and stays in place.
 
     Args:
         tray, motion, limits, state, horizon: as above.
@@ -202,7 +202,7 @@ def tray_scales(
 
 
 def _open(scales: SafeScales, slowest: float) -> list[tuple[float, float]]:
-    """Returns the safe intervals of time scales; extends one that ends at the slowest scale."""
+    """Returns the safe intervals of time scales; the last one is extended to `slowest`."""
     return [(a, slowest if b == scales.slowest else b) for a, b in scales.intervals]
 
 

@@ -1,4 +1,4 @@
-"""The fleet store: one row for each motion, once, whole or not at all."""
+"""Tests the motion store: one row per motion, never twice, never incomplete."""
 
 import dataclasses
 import math
@@ -39,7 +39,7 @@ def duckdb():
 
 
 def row(number=0, **given):
-    """A motion of the day so many days after 30 January."""
+    """Returns a stored motion of the day that is a number of days after 30 January."""
     numbers = {column.name: 0.01 for column in COLUMNS if column.type == "float"}
     whole = {column.name: 0 for column in COLUMNS if column.type == "int"}
     texts = {"cell": "line_1", "digest": f"{number:064x}", "bag": "/bags/a", "container": "cup"}

@@ -148,7 +148,7 @@ def test_mixed_estimates_of_two_nodes_restart_at_an_input_that_is_there():
 
 
 class Told:
-    """A verifier that notes what it is told."""
+    """Verifier that records which stamps are excluded from the comparison."""
 
     def __init__(self):
         self.found, self.lost = [], []

@@ -79,7 +79,7 @@ def test_a_tray_is_replayed_to_the_bit(kind, tmp_path):
 
 
 def changing_tray():
-    """Three containers on an IMU's tray: each is changed while the tray moves."""
+    """A recorded IMU tray with three containers, each of which is changed in motion."""
     names, places = ("a", "b", "c"), ((0.0, 0.0, 0.0), (0.1, 0.2, 0.0), (-0.1, 0.0, 0.05))
     tray = Tray(tuple(map(TrayContainer, names, (MODEL, MUG, MODEL), places, (0.5, 0.5, 0.01))))
     live, held = LiveBag("imu"), [HeldContainer(one.model) for one in tray.containers]

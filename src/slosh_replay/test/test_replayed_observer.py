@@ -130,7 +130,7 @@ LATER = {"sensed_taken", "sensed", "sensed_stamp"}
 
 
 class OldBag(ObservedBag):
-    """A recording of a version that knew no sensors beside the camera."""
+    """Recording of an older version, without sensors other than the camera."""
 
     def _put(self, *where, **fields):
         super()._put(*where, **{name: one for name, one in fields.items() if name not in LATER})

@@ -14,7 +14,12 @@ BEGIN_NS = int(datetime(2026, 1, 30, 12, tzinfo=UTC).timestamp()) * 10**9
 
 
 def observed(folder, others):
-    """A bag of one push of 1 s and a rest, and further messages: name, message, time [s]."""
+    """Writes a bag of one push of 1 s and a rest, with further messages.
+
+    Args:
+        folder: of the bag.
+        others: name of the topic, message and time [s] of each.
+    """
     messages = []
     still = ModelEstimate(modal_position=[0.0, 0.0], modal_velocity=[0.0, 0.0])
     for number in range(600):

@@ -263,7 +263,7 @@ class RecorderNode(GuardedNode):
             return response
         self._take()
         now_ns = self.get_clock().now().nanoseconds
-        self._happen(self._core, Happening(Cause.REQUEST, now_ns, f"asked for by {topics.KEEP}"))
+        self._happen(self._core, Happening(Cause.REQUEST, now_ns, f"requested by {topics.KEEP}"))
         response.success = self._core.box.is_writing
         response.message = str(self._core.path) if response.success else self._core.box.failure
         return response
@@ -306,7 +306,7 @@ class RecorderNode(GuardedNode):
         return level, sentence
 
     def _look_for_shared(self) -> list[str]:
-        """Returns topics that have several publishers but should have only one."""
+        """Returns topics that may have only one publisher but carry messages of several."""
         shared = [
             topic
             for topic, entry in self._inputs.items()
@@ -382,7 +382,7 @@ def _why(status: RecorderStatus) -> str:
 
 
 def stated_topics(settings: NodeSettings) -> set[str]:
-    """Returns the topics that a node's settings name; the graph may not tell who reads a topic."""
+    """Returns the topics that a node's recorded settings list, as the graph may omit some."""
     try:
         document = parse_yaml(settings.document, settings.node).value
     except YamlError:

@@ -43,7 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--reference", choices=REFERENCES,
-        help="source of the true motion (default: the first of these in the bag)",
+        help="source of the motion with which the sensor is compared (default: the first of these "
+        "that the bag contains)",
     )  # fmt: skip
     add_robot_options(parser)
     parser.add_argument(

@@ -34,7 +34,7 @@ from slosh_tables.text_table.units import check_span
 
 EXIT_KEPT, EXIT_NOT_KEPT = 0, 1
 EPILOG = """columns of the table:
-  t           the motion's samples [s]
+  t           times of the motion's samples [s]
   msh         maximum height at the wall as a sensor measures it, including the model's
               effects on the measurement (offset, scale, delay, ...) [m]
   azimuth     direction of the liquid's highest point, from the container's +x [rad]
@@ -74,7 +74,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_rim_distance(parser)
     parser.add_argument(
-        "--plot", type=Path, metavar="OUT.png", help="picture of the result to write (.png, .svg)"
+        "--plot",
+        type=Path,
+        metavar="OUT.png",
+        help="picture to write, with the result (.png, .svg)",
     )
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     add_table_options(parser)

@@ -114,7 +114,7 @@ class LiveWatch:
         self._begin()
 
     def take_comparison(self, comparison: Any) -> None:
-        """Stores the newest comparison message, for display."""
+        """Stores the newest SloshComparison message (measured, estimated height), for display."""
         heights = comparison.measured, comparison.estimated_nonlinear
         self._status.take_comparison(
             *heights, comparison.state, time.monotonic(),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -19,7 +18,12 @@ from slosh_replay.recording.facts import event_lines
 from slosh_replay.recording.sources import CellTopics
 from slosh_replay.replay import ReplayResult
 from slosh_replay.replay.checking import CheckedReplay
-from slosh_replay.replay.report import Surroundings, replay_report, report_start
+from slosh_replay.replay.report import (
+    Surroundings,
+    recorded_at,
+    replay_report,
+    report_start,
+)
 from slosh_report.run_report import Fact, RunReport, render_report, report_document
 
 TOPIC: Final = "prediction_outcome"
@@ -52,8 +56,7 @@ def write_page(
 
 def _facts(run: RecordedRun, result: ReplayResult) -> tuple[Fact, ...]:
     """Returns date, settings, model and program version of a replay; all are reproducible."""
-    start = datetime.fromtimestamp(1e-9 * report_start(result), UTC)
-    facts = {"recorded": f"{start:%Y-%m-%d %H:%M:%S} UTC", **in_force(last_starts(run))}
+    facts = {"recorded": recorded_at(result), **in_force(last_starts(run))}
     if result.model is not None:
         facts["model"] = described(result.model)
     facts["replayed by"] = f"slosh {version('slosh_bringup')}"

@@ -79,7 +79,7 @@ class CellList:
             del self._cells[name]
 
     def take_comparison(self, name: str, compared: Compared, now: float) -> None:
-        """Stores a cell's newest comparison."""
+        """Stores a cell's newest SloshComparison message (measured and estimated height)."""
         cell = self._cell(name)
         if cell is not None:
             cell.compared, cell.at = compared, now

@@ -59,7 +59,7 @@ class GivenView:
     doubt: GivenDeviations = KNOWN
 
     def off_by(self, change: FloatArray) -> tuple[PinholeCamera, Cup]:
-        """Returns camera and container with their given values changed.
+        """Returns camera and container after adding errors to their given values.
 
         Args:
             change: (QUANTITIES,) of the focal length's logarithm, the wall's thickness [m] and

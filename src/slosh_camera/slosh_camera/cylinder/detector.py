@@ -209,7 +209,7 @@ class FreeSurfaceDetector:
         self._memory = SurfaceMemory(self._view.cup.radius, self._view.cup.fill_height)
 
     def _learnt_fade(self, found: _Found) -> tuple[_Found, FadeShare]:
-        """Refits the surface; earlier images tell how much crests fade into the background."""
+        """Refits the surface; earlier images show how much crests fade into the background."""
         fade = self._memory.fade
         if float(np.max(np.abs(found.fit.by_fade))) < TUNING.no_fade:
             return found, fade

@@ -200,15 +200,15 @@ class StillReferenceFinder:
         return tone is not None and looks_like_surroundings(image, self._grid.pixels[body], tone)
 
     def _compared(self, prior: Prior, at_rest: float = -np.inf) -> SurfaceComparison:
-        """Creates the comparison of candidate surfaces, given the score of the level at rest."""
+        """Creates the object that compares candidate surfaces, given the score at rest."""
         return SurfaceComparison(self._chooser, prior, self._wall.footprint, at_rest)
 
     def _compared_with(self, view: Unrolled, prior: Prior) -> SurfaceComparison:
-        """Creates the comparison of candidate surfaces after scoring the surface at rest."""
+        """Creates the object that compares candidate surfaces; scores the surface at rest too."""
         return self._compared(prior, self._chooser.plausible_heights(view, prior.centre, prior))
 
     def _bias(self, still: StillSurface) -> FrontBias:
-        """Returns the contact line's bias; for a low-contrast line only a common offset."""
+        """Returns the contact line's height error at rest; one value for a low-contrast line."""
         if still.view.scatters:
             return FrontBias.unknown(still.zero, self._wall.lines)
         return FrontBias.at_rest(still.fit, still.zero, self._wall.footprint)

@@ -93,7 +93,8 @@ PARAMETERS = (
         "container_frame"
     ),
     _dynamic(
-        "max_gap", _GATE.max_gap, "longest gap in the input integrated across [s]", (1e-3, 1.0)
+        "max_gap", _GATE.max_gap,
+        "longest gap in the input that the models bridge [s]", (1e-3, 1.0),
     ),
     _dynamic(
         "max_age", _GATE.max_age,
@@ -302,7 +303,7 @@ class EstimatorNode(PreparedNode):
         return InputSettings.from_parameters(self._known)._replace(modes=modes)
 
     def _feel_gravity(self) -> None:
-        """Restarts the models with gravity along the attitude that transforms now provide."""
+        """Restarts the models so that gravity follows the attitude that transforms now provide."""
         at_rest = self._values["starts_at_rest"]
         self._estimator.load_model(
             self._prepared(self._tray.first.placed), empty=self._tray.first.empty
@@ -367,7 +368,7 @@ class EstimatorNode(PreparedNode):
             self._trays.publish(self._tray_message)
 
     def _take(self, index: int, held: HeldContainer, tray: Tray) -> int:
-        """Replaces a tray place's container for later inputs; returns the last input's stamp [ns].
+        """Replaces the container of one tray place for later inputs; returns the last stamp [ns].
 
         Args:
             index: of the place on the tray, from 0; of one container 0.

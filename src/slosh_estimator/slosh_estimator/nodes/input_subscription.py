@@ -207,7 +207,7 @@ class InputSubscription:
         """Returns texts on the state of the input by name, for the diagnostics."""
         told = {} if self.poses is None else self.poses.facts()
         if self._unconnected:
-            told["mounting"] = f"no fixed transform connects {self._unconnected!r}; by parameters"
+            told["mounting"] = f"by parameters: no fixed transform connects {self._unconnected!r}"
         return told
 
     def _listen(self, topic: str, callback: Callable[[Any], None]) -> None:

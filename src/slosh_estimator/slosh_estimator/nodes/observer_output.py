@@ -94,7 +94,7 @@ class ObserverOutput:
         self._action.destroy()
 
     def follow(self, sample: Sample, flags: int) -> None:
-        """Advances the observer by one input sample; `flags` tells the validity of that sample."""
+        """Advances the observer by one input sample, whose validity flags are `flags`."""
         state = self.observer.follow(sample, flags)
         if state is None:
             return
@@ -247,7 +247,7 @@ def fill_observer_state(message: ObserverStateMessage, state: ObserverState) -> 
 
 
 def fill_stale(message: Calm, tolerance: float) -> None:
-    """Writes into a reused message that there is no input; `tolerance` is that of calm [m]."""
+    """Writes into a reused message that the input is silent; `tolerance` is that for calm [m]."""
     message.calm, message.reason = False, int(CalmReason.STALE)
     message.tolerance = tolerance
     message.envelope = message.bound = message.time_until_calm = math.nan

@@ -38,7 +38,7 @@ CHOICES = (AUTO, NONE, *SENSORS, *MOTIONS)
 
 
 class SecondSource:
-    """Receives a second source of the motion, if there is one, and compares it.
+    """Receives a second source of the motion, if there is one, and compares it with the input.
 
     Args:
         node: the node.
@@ -72,7 +72,7 @@ class SecondSource:
         self._accused = False
 
     def told(self, stamp_ns: int, frame: str, force: Vector, rate: Vector | None) -> None:
-        """Adds a sensor reading, specific force and angular velocity, to the comparison."""
+        """Adds specific force and angular velocity of a sensor to the check of its mounting."""
         if self._subscription is None:
             return
         if self._watch is None:
@@ -83,12 +83,12 @@ class SecondSource:
         self._watch.take_sensor(stamp_ns, force, rate)
 
     def follow(self, input_ns: int, *samples: Sample | None) -> None:
-        """Adds samples of the estimator's input to the comparison."""
+        """Adds samples of the estimator's input to the check of the sensor's mounting."""
         if not self._senses:
             self._moved(input_ns, *samples)
 
     def _moved(self, _: int, *samples: Sample | None) -> None:
-        """Adds samples of the container's motion to the comparison."""
+        """Adds samples of the container's motion to the check of the sensor's mounting."""
         if self._watch is None:
             return
         for one in samples:
@@ -96,7 +96,7 @@ class SecondSource:
                 self._watch.take_motion(one.stamp_ns, (one.ax, one.ay, one.az), one.pose)
 
     def look(self) -> tuple[str, str]:
-        """Returns what is wrong with the input and with the second source, if anything."""
+        """Returns the faults of the input and of the second source, if there are any."""
         if self._subscription is None:
             self._choose()
             return "", ""
@@ -123,7 +123,7 @@ class SecondSource:
         sensor, motion = self._names
         verdict, watch = self._verdict, self._watch
         if verdict is None or watch is None:
-            return told | {"second source": f"{sensor} against {motion}: no motion of both yet"}
+            return told | {"second source": f"{sensor} against {motion}: no common motion yet"}
         state = "wrong" if verdict.wrong else "right"
         told["second source"] = f"{sensor} against {motion}: {state}, motions: {watch.motions}"
         seen = "; ".join((*verdict.remarks, *(f"not seen: {text}" for text in verdict.unseen)))

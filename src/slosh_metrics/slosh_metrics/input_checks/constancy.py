@@ -93,7 +93,7 @@ class Bins:
         return closed
 
     def close(self, number: int = -(2**62)) -> Bin | None:
-        """Ends the current bin and begins the next; returns None if the bin was empty."""
+        """Returns the finished bin, or None if it was empty; begins the next bin."""
         found = None
         if self._count:
             found = Bin(self._number, tuple(total / self._count for total in self._sums))
@@ -112,7 +112,7 @@ class Bins:
 
 
 class Stretch:
-    """The time span of constant values to which the newest time bin belongs.
+    """Time span in which the mean values of successive time bins stay constant.
 
     Args:
         tolerance: how far from the mean a bin of a noiseless sensor may lie.

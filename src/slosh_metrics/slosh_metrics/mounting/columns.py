@@ -79,7 +79,7 @@ class Aligned(NamedTuple):
 
 
 def sensor_columns(motion: MotionColumns, *, in_world: bool = False) -> Array:
-    """Returns a motion as columns (N, COLUMNS), for comparison with a sensor.
+    """Returns a motion as columns (N, COLUMNS) that can be compared with sensor readings.
 
     Args:
         motion: of the container.
@@ -134,7 +134,7 @@ def aligned(
 
 
 def smoothed(t: Array, values: Array, at: Array, box: float) -> Array:
-    """Returns values at evenly spaced times, each column smoothed by three moving averages.
+    """Resamples each column at evenly spaced times, smoothed by three moving averages.
 
     By three boxes of a width [s].
     """

@@ -173,7 +173,7 @@ class MountingWatch:
 
 
 def _possible(values: Vector) -> bool:
-    """Returns whether a sensor may read these values in any unit."""
+    """Whether values are small enough for a reading of the sensor, in any known unit."""
     x, y, z = values
     return -MOST_SAID < x < MOST_SAID and -MOST_SAID < y < MOST_SAID and -MOST_SAID < z < MOST_SAID
 

@@ -129,7 +129,7 @@ def plan_robust(
 
 
 def _known_law(region: RegionSearch, best: Judged | None) -> tuple[Scaled | None, Judged]:
-    """Returns the fastest known law that all likely models keep, or the motion if that is faster.
+    """Returns the fastest known law for all likely models, or None, and the best motion.
 
     Args:
         region: the search.
@@ -167,7 +167,7 @@ def likely_use(
     margin: float,
     error: ModelError | None,
 ) -> float:
-    """Returns the largest share of its height limits that a motion uses for all likely parameters.
+    """Returns the largest fraction of its height limits that a motion uses for likely models.
 
     Args:
         model: the model, with the covariance of its parameters.

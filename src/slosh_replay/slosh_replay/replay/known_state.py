@@ -166,7 +166,7 @@ class KnownState:
         self._known = self._found_before = True
 
     def _find_comparisons(self, stamps: Integers, place: int) -> None:
-        """Resumes the check of comparisons at the first replayed estimate, if it is there.
+        """Resumes the check of monitor results at the first replayed estimate, if it was found.
 
         A comparison of an image before it interpolates from an estimate that is not replayed.
 

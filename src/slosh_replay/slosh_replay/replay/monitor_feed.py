@@ -32,7 +32,7 @@ _NEVER = 2**63 - 1
 
 
 class MonitoredHeights(NamedTuple):
-    """Estimates in the form in which the monitor takes them.
+    """Estimates in the input format of the monitor.
 
     Attributes:
         stamps: (M,) [ns].
@@ -81,7 +81,7 @@ class MonitorFeed:
         self._next_check = self._newest = -(2**62)
 
     def add(self, estimates: MonitoredHeights, measured: Measurements) -> list[Comparison]:
-        """Adds estimates and measurements; returns the comparisons in order.
+        """Adds estimates and measured heights; returns comparisons of both, in order.
 
         Args:
             estimates: increasing stamps, none before those of earlier calls.
@@ -105,7 +105,7 @@ class MonitorFeed:
         return found + self._estimates(points[at:], accelerations)
 
     def finish(self) -> list[Comparison]:
-        """Returns the remaining comparisons at the end."""
+        """Returns the remaining comparisons of estimates and measured heights at the end."""
         return self.monitor.finish()
 
     def take_events(self) -> list[Event]:
@@ -245,7 +245,7 @@ class ReplayedMonitor:
         self._outputs = setting.outputs
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Processes estimates and measured heights; returns the comparisons."""
+        """Processes estimates and measured heights; returns comparisons of both."""
         for last_ns, tray in self._trays[self._carried :]:
             self.feed.monitor.carry(tray, last_ns)
         self._carried = len(self._trays)
@@ -265,7 +265,7 @@ class ReplayedMonitor:
 
 
 def monitored(estimates: ModelHeights, own: tuple[int, int]) -> MonitoredHeights:
-    """Converts estimates of all models to the form in which the monitor takes them.
+    """Converts estimates of all models to the input format of the monitor.
 
     Args:
         estimates: of all models.

@@ -116,7 +116,7 @@ def _force_node(surface: str) -> ReplayedNode:
 
 
 def _waves(surfaces: Messages) -> Messages:
-    """Removes heights of level sensors, which tell no maximum."""
+    """Removes heights of level sensors, since they are not maxima over the wall."""
     return surfaces.rows(np.isfinite(surfaces.columns["msh"]))
 
 

@@ -367,7 +367,7 @@ def _columns(
     topic: NodeTopic | None,
     lacking: set[str],
 ) -> Columns:
-    """Returns the columns of a block; fields that an older version lacked have their value."""
+    """Returns the columns of a block; fields that an older version lacked have a default value."""
     later = {} if topic is None else topic.later
     try:
         return read.columns(block, names)
@@ -410,7 +410,7 @@ def _heard(sources: Sources, nodes: Sequence[ReplayedNode]) -> dict[str, NodeTop
 def _verifiers(
     heard: Mapping[str, NodeTopic], nodes: Sequence[ReplayedNode], *, camera: bool
 ) -> dict[str, Verifier]:
-    """Creates the comparisons of replayed with recorded messages, by last topic name."""
+    """Creates the objects that compare replayed with recorded messages, by last topic name."""
     return {
         topic.name: Verifier(full, topic.can_lack, node.tolerance)
         for full, topic in heard.items()

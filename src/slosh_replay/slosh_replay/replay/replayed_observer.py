@@ -35,7 +35,7 @@ EMPTY = "the gripper was empty: which heights came after that is not recorded"
 
 
 class ReplayedObserver:
-    """Replays the observer; its recorded states tell which heights the live node used, and when.
+    """Replays the observer; its recorded states show which heights the live node used, and when.
 
     Args:
         setting: of the replay.
