@@ -42,7 +42,7 @@ WITHOUT_KEY = {"dask", "distributed", "lz4", "mcap", "starlette", "zstandard"}
 """Imports for which rosdep has no key: setup.py and requirements/robot.in name them."""
 PIP = {
     "cv2": "opencv-python-headless", "dask": "distributed", "llvmlite": "numba",
-    "markupsafe": "jinja2", "yaml": "PyYAML",
+    "google": "protobuf", "markupsafe": "jinja2", "yaml": "PyYAML",
 }  # fmt: skip
 """Import name to requirement, where it has another."""
 UNSEEN = {"slosh_bringup": {"websockets"}}
@@ -53,6 +53,7 @@ OPTIONAL = {
     "asyncua",
     "casadi",
     "cryptography",
+    "google",
     "pandas",
     "pymodbus",
 }

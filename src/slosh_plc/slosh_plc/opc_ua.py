@@ -22,8 +22,8 @@ NAMESPACE: Final = "urn:slosh:cell"
 """Namespace of the information model."""
 TYPE: Final = "SloshCellType"
 UNECE: Final = "http://www.opcfoundation.org/UA/units/un/cefact"
-UNITS: Final = {"m": ("MTR", "metre"), "s": ("SEC", "second")}
-"""Common code of the UN/CEFACT recommendation 20 and name, by unit."""
+UNITS: Final = {"m": ("MTR", "metre", (0.0, 0.1)), "s": ("SEC", "second", (0.0, 60.0))}
+"""Common code of the UN/CEFACT recommendation 20, name, and usual range for a display, by unit."""
 PATH: Final = "slosh"
 """Path of the endpoint."""
 LONGEST_NAME: Final = 80
@@ -269,12 +269,15 @@ async def _add_variable(parent: Any, index: int, name: str, signal: Signal) -> A
     about = ua.DataValue(ua.Variant(ua.LocalizedText(signal.meaning)))
     await variable.write_attribute(ua.AttributeIds.Description, about)
     if signal.unit in UNITS:
-        code, title = UNITS[signal.unit]
+        code, title, (low, high) = UNITS[signal.unit]
         unit = ua.EUInformation(
             UNECE, unit_number(code), ua.LocalizedText(signal.unit), ua.LocalizedText(title)
         )
         await variable.add_property(
             _identifier(index, f"{name}.EngineeringUnits"), "0:EngineeringUnits", unit
+        )
+        await variable.add_property(
+            _identifier(index, f"{name}.EURange"), "0:EURange", ua.Range(low, high)
         )
     if signal.choices:
         texts = [ua.LocalizedText(text) for text in signal.choices]

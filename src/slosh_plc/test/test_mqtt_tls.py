@@ -12,8 +12,9 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
+from slosh_plc.broker_client import read_settings
 from slosh_plc.errors import SloshPlcError
-from slosh_plc.mqtt import MqttPublisher, read_settings
+from slosh_plc.mqtt import MqttPublisher
 from slosh_plc.tuning import TUNING
 from slosh_testing.live_processes import until
 from slosh_testing.plc import WHY, Broker, ServedCell, find_mosquitto, free_port
@@ -118,7 +119,7 @@ class Plant:
 
 @pytest.fixture
 def plant(tmp_path, monkeypatch):
-    monkeypatch.setattr("slosh_plc.mqtt.TUNING", dataclasses.replace(TUNING, retry=0.2))
+    monkeypatch.setattr("slosh_plc.broker_client.TUNING", dataclasses.replace(TUNING, retry=0.2))
     if shutil.which("mosquitto_passwd") is None:
         pytest.skip(WHY)
     return Plant(tmp_path)
@@ -177,7 +178,8 @@ def test_a_broker_that_goes_and_comes_back_is_found_again(plant):
 
 
 SERVE = """import json, sys, time
-from slosh_plc.mqtt import MqttPublisher, read_settings
+from slosh_plc.broker_client import read_settings
+from slosh_plc.mqtt import MqttPublisher
 from slosh_testing.plc import ServedCell
 with ServedCell().serve(MqttPublisher(read_settings(**json.loads(sys.argv[1])))):
     time.sleep(600)

@@ -103,6 +103,49 @@ def test_a_client_finds_the_cell_its_units_and_its_choices(served):
     assert "model estimates" in about
 
 
+async def browse(client):
+    """All properties of each value of the cell, its data type, access and status."""
+    made = await client.nodes.objects.get_child(f"{await index_of(client)}:{CELL}")
+    found = {}
+    for node in await made.get_children(nodeclassmask=ua.NodeClass.Variable):
+        names = {
+            (await part.read_browse_name()).Name: await part.read_value()
+            for part in await node.get_properties()
+        }
+        access = [
+            (await node.read_attribute(kind)).Value.Value
+            for kind in (ua.AttributeIds.AccessLevel, ua.AttributeIds.UserAccessLevel)
+        ]
+        status = (await node.read_data_value(raise_on_bad_status=False)).StatusCode
+        about = (await node.read_description()).Text
+        kind = await node.read_data_type_as_variant_type()
+        found[(await node.read_browse_name()).Name] = (names, access, status, about, kind)
+    return found
+
+
+def test_a_browser_finds_unit_range_quality_and_read_access_of_every_value(served):
+    cell, url = served
+    cell.state = good_state(state=2)
+    _, found = ask(url, until_told("state", 2), browse)
+    codes = {"m": b"MTR", "s": b"SEC"}  # UN/CEFACT recommendation 20
+    assert list(found) == [signal.name for signal in SIGNALS]
+    for signal in SIGNALS:
+        names, access, status, about, kind = found[signal.name]
+        assert access == [1, 1], signal.name  # CurrentRead alone
+        assert (status.is_good(), about) == (True, signal.meaning)
+        if signal.unit == "1":
+            assert not {"EngineeringUnits", "EURange"} & names.keys()
+            continue
+        assert kind is ua.VariantType.Double
+        unit, span = names["EngineeringUnits"], names["EURange"]
+        assert unit.NamespaceUri == "http://www.opcfoundation.org/UA/units/un/cefact"
+        assert unit.UnitId == int.from_bytes(codes[signal.unit], "big")
+        assert 0.0 <= span.Low < span.High < 1e3
+    cell.lose()
+    _, found = ask(url, until_told("state", None), browse)
+    assert {status.is_good() for _, _, status, _, _ in found.values()} == {False}
+
+
 def test_a_subscription_is_told_of_values_and_of_the_loss(served):
     cell, url = served
     cell.state = good_state(estimated_height=0.0123, state=1)

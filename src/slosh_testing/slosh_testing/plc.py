@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from slosh_plc.broker_client import lost_state
 from slosh_plc.cell_state import SIGNALS, CellState, Quality, Reading
-from slosh_plc.mqtt import lost_state
 from slosh_plc.server import Server, ServerThread
 
 PLACES = ("mosquitto", "/usr/sbin/mosquitto")

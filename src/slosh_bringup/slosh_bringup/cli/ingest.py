@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Stores the motions of each bag; goes on if one cannot be read."""
+    """Stores the motions of each bag; continues if a bag cannot be read."""
     from slosh_bringup.cli.progress import item_progress
     from slosh_bringup.many_files import map_files
 
@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def ingest_task(url: str, bag: Path) -> Ingested:
-    """Stores the motions of one bag; a process of its own may run it.
+    """Stores the motions of one bag; can run in another process.
 
     Raises:
         SloshBagError: the bag cannot be read, or the store cannot be written.
@@ -75,7 +75,7 @@ def ingest_task(url: str, bag: Path) -> Ingested:
 
 
 def _bags(paths: Sequence[Path]) -> tuple[list[Path], bool]:
-    """Returns the bags at some paths, each once, and whether a path has none."""
+    """Returns the bags found at paths, each once, and whether one of the paths has no bag."""
     from slosh_bag.errors import SloshBagError
     from slosh_bringup.cli.replay import find_bags
     from slosh_bringup.errors import SloshBringupError
@@ -93,7 +93,7 @@ def _bags(paths: Sequence[Path]) -> tuple[list[Path], bool]:
 
 
 def _absolute(store: str) -> str:
-    """Returns a folder's absolute path, which processes elsewhere understand, or the URL."""
+    """Returns the absolute path of a store's folder, or the unchanged URL of a remote store."""
     return store if "://" in store else str(Path(store).absolute())
 
 

@@ -91,7 +91,7 @@ COLUMNS: Mapping[str, str] = {
     "gaps": "number of time spans without a measurement",
     "role": "what the file is for, or on whose behalf a person signs",
     "bytes": "size of the file [byte]",
-    "sha-256 | SHA-256 of the content": "digest of a content; any change gives another one",
+    "sha-256 | SHA-256 of the content": "digest of the file's content; a change gives another",
     "origin": "where the limit comes from",
     "limit_use": "highest measured height by its limit [%]",
     "reproduced": "recorded estimates that the replay gave again",

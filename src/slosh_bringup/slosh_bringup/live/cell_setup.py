@@ -76,7 +76,7 @@ class CellSetup:
 
     @property
     def camera_nodes(self) -> dict[str, str]:
-        """Names of the nodes of further cameras, by the name of the container."""
+        """Names of the nodes of further cameras, by container name."""
         return {container: f"camera_{container}" for container in self.cameras}
 
     def processes(self, bag: Path) -> list[NodeProcess]:
@@ -185,7 +185,7 @@ def _one_of(source: YamlDocument, key: str, known: Sequence[str]) -> str:
 
 
 def _store(source: YamlDocument) -> str:
-    """Returns the store that the cell file names; a folder is relative to the file."""
+    """Returns the fleet store named in the cell file; a folder is relative to that file."""
     value = source.value.get(MOTIONS, "")
     if not isinstance(value, str) or "\0" in value:
         raise SloshBringupError(
@@ -206,7 +206,7 @@ def _flag(source: YamlDocument, key: str) -> bool:
 
 
 def _hardware_id(source: YamlDocument) -> str:
-    """Returns the cell's name or serial number for diagnostics; empty: none is given."""
+    """Returns the cell's name or serial number for diagnostics; empty if the file has none."""
     value = source.value.get("hardware_id", "")
     if isinstance(value, bool) or not isinstance(value, str | int):
         raise SloshBringupError(f"{source.at('hardware_id')} = {shown(value)} must be a text")

@@ -233,7 +233,7 @@ def _without_mean(heights: Array) -> Array:
 
 
 def trust_in(before: Leftover, after: Leftover) -> float:
-    """Returns the probability that a listed physical effect is the cause, from the error left.
+    """Returns the probability that a listed effect is the cause, given the remaining error.
 
     Also where what is left is little beside the noise: of a small gap it may be a large part, and
     a law that is nearly the right one leaves no more.

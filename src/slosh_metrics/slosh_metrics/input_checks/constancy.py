@@ -93,7 +93,7 @@ class Bins:
         return closed
 
     def close(self, number: int = -(2**62)) -> Bin | None:
-        """Ends the current bin and begins the next; returns None if the bin was empty."""
+        """Returns the finished bin, or None if it was empty; begins the next bin."""
         found = None
         if self._count:
             found = Bin(self._number, tuple(total / self._count for total in self._sums))

@@ -25,7 +25,7 @@ from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN, DiagnosticsReporter,
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.polled import PolledNode, take
 from slosh_msgs_py.node.run import run_node
-from slosh_plc import mqtt
+from slosh_plc.broker_client import read_settings
 from slosh_plc.cell_view import CellView
 from slosh_plc.certificates import read_server_certificate, read_trusted
 from slosh_plc.errors import SloshPlcError
@@ -33,6 +33,7 @@ from slosh_plc.modbus import ModbusServer, ModbusSettings
 from slosh_plc.mqtt import MqttPublisher
 from slosh_plc.opc_ua import OpcUaServer, OpcUaSettings
 from slosh_plc.server import Server, ServerThread
+from slosh_plc.sparkplug import SparkplugNode
 from slosh_plc.tuning import TUNING
 from slosh_replay.recording.settings import node_start
 
@@ -65,6 +66,11 @@ PARAMETERS = (
         "mqtt_certificate", "", "PEM file of the node's certificate for the broker; empty: none"
     ),
     ParameterSpec("mqtt_private_key", "", "PEM file of the private key of mqtt_certificate"),
+    ParameterSpec(
+        "sparkplug_group", "",
+        "group of the Sparkplug B edge node that is published beside the JSON document; empty: "
+        "no Sparkplug",
+    ),
 )  # fmt: skip
 
 
@@ -174,7 +180,11 @@ def servers_of(given: Mapping[str, Any], cell: str) -> list[Server]:
             "mqtt_broker", "mqtt_user", "mqtt_password_file", "mqtt_authority",
             "mqtt_certificate", "mqtt_private_key",
         )  # fmt: skip
-        servers.append(MqttPublisher(mqtt.read_settings(cell, *(given[name] for name in names))))
+        settings = read_settings(cell, *(given[name] for name in names))
+        servers.append(MqttPublisher(settings))
+        if given["sparkplug_group"]:
+            session = int(time.time())
+            servers.append(SparkplugNode(settings, given["sparkplug_group"], session))
     if not servers:
         raise SloshPlcError("opc_ua_port, modbus_port, mqtt_broker: set at least one of them")
     return servers

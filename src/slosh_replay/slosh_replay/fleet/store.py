@@ -61,6 +61,10 @@ class FleetStore:
     Args:
         url: folder, or what fsspec knows, such as s3://bucket/motions.
 
+    Attributes:
+        url: as given.
+        is_disk: whether it is a folder on a disk of this machine.
+
     Raises:
         SloshBagError: the place's protocol is not known or its library is not installed.
     """
@@ -70,6 +74,7 @@ class FleetStore:
         try:
             core = importlib.import_module("fsspec.core")
             self._files, self._root = core.url_to_fs(url)
+            self.is_disk = "file" in _protocols(self._files)
         except (ImportError, ValueError) as error:
             raise SloshBagError(f"{url}: {' '.join(str(error).split())}") from None
 
@@ -173,16 +178,18 @@ class FleetStore:
         arrow, _ = load_pyarrow()
         dataset = importlib.import_module("pyarrow.dataset")
         folders = arrow.schema([("cell", arrow.string()), ("month", arrow.string())])
+        # Arrow reads a disk by itself: through fsspec it would wait for Python at each piece.
+        files = None if self.is_disk else self._files
         with self._naming():
             return dataset.dataset(
-                paths, filesystem=self._files, format="parquet",
+                paths, filesystem=files, format="parquet",
                 schema=arrow.schema([*_schema(arrow), *folders]),
                 partitioning=dataset.partitioning(folders, flavor="hive"),
             )  # fmt: skip
 
     def _put(self, path: str, data: bytes) -> None:
         """Writes a file as a whole: by its rename on a disk, by one request elsewhere."""
-        if "file" in _protocols(self._files):
+        if self.is_disk:
             _write(Path(path), data)
         else:
             self._files.makedirs(path.rpartition("/")[0], exist_ok=True)

@@ -30,7 +30,7 @@ _HEAVY: Final = 8
 
 
 def sections(report: ValidationReport, digest: str) -> tuple[Section, ...]:
-    """Returns the report's sections in the order in which they are printed.
+    """Returns the report's sections in printing order.
 
     Args:
         report: what is signed.
@@ -54,7 +54,7 @@ def sections(report: ValidationReport, digest: str) -> tuple[Section, ...]:
 
 
 def summary(report: ValidationReport) -> str:
-    """Describes the verdict in one sentence."""
+    """Returns one sentence about the verdict."""
     counts = [
         f"{sum(one.verdict is verdict for one in report.criteria)} {verdict.value}"
         for verdict in Verdict
@@ -63,7 +63,7 @@ def summary(report: ValidationReport) -> str:
 
 
 def criteria_table(report: ValidationReport) -> Table:
-    """Returns the table of the acceptance criteria with their verdicts."""
+    """Creates the table of the acceptance criteria with their verdicts."""
     columns = (
         Column("criterion", 30), Column("recording", 20), Column("found", 12, right=True),
         Column("U", 12, right=True), Column("limit", 12, right=True), Column("unit", 9),
@@ -191,7 +191,7 @@ def _heights(report: ValidationReport) -> Table:
 
 
 def judged_limit(report: ValidationReport, recording: Recording) -> float:
-    """Returns the limit of the measured height that a recording was judged by [m]; NaN: none."""
+    """Returns the limit by which a recording's height was judged [m], or NaN if none."""
     limits = [
         one.limit
         for one in report.criteria
@@ -205,7 +205,7 @@ HEIGHT: Final = "highest measured height"
 
 
 def peak_cell(peak: Peak) -> Number:
-    """Returns the table cell of a greatest height, marked if it is a lower bound only."""
+    """Returns the table cell of a greatest height, marked with ≥ if it is a lower bound."""
     return Number(peak.height, "mm", prefix="≥ " if peak.is_bound else "")
 
 
