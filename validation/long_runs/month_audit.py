@@ -22,7 +22,7 @@ NEAR = 0.3
 """How far a motion's begin may be from where it is expected [s]."""
 WHOLE = 0.75
 """Part of its length that a whole motion has, in bins of 0.05 s above the threshold."""
-LOSS = re.compile(r"[1-9]\d* messages are lost[^\n]*")
+LOSS = re.compile(r"[1-9]\d* messages are lost")
 """What the recorder says, and writes into the bag."""
 WORTH_TELLING = (1, 2)
 """Levels WARN and ERROR of diagnostics."""
@@ -133,7 +133,7 @@ def _told(shift: Shift, clients: Clients, moment: float) -> str:
     for text in (shift.words, *shift.told):
         found = LOSS.search(text)
         if found:
-            return re.sub(r"\d+", "N", found[0])[:60]
+            return "recorder: " + re.sub(r"\d+", "N", found[0])
     return ""
 
 
