@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
-from validation.long_runs.month_clients import GOOD, HEARING, Clients
+from validation.long_runs.month_clients import GOOD, HEARING, SERVED, Clients
 from validation.long_runs.month_days import ACTIVE, PERIOD, Day
 
 SECOND = 10**9
@@ -22,7 +22,7 @@ NEAR = 0.3
 """How far a motion's begin may be from where it is expected [s]."""
 WHOLE = 0.75
 """Part of its length that a whole motion has, in bins of 0.05 s above the threshold."""
-LOSS = re.compile(r"[1-9]\d* messages are lost[^\n]*")
+LOSS = re.compile(r"[1-9]\d* messages are lost")
 """What the recorder says, and writes into the bag."""
 WORTH_TELLING = (1, 2)
 """Levels WARN and ERROR of diagnostics."""
@@ -127,12 +127,13 @@ def count_motions(
 def _told(shift: Shift, clients: Clients, moment: float) -> str:
     """Returns how the loss of a motion was told; empty: it was not."""
     seen = list(clients.between("OPC UA", moment - PERIOD / 2, moment + PERIOD / 2))
-    if any(one.what != GOOD for one in seen):
-        return "bad quality over OPC UA"
+    worse = {one.what for one in seen} - {GOOD}
+    if worse:
+        return "over OPC UA: " + ", ".join(sorted(worse))
     for text in (shift.words, *shift.told):
         found = LOSS.search(text)
         if found:
-            return re.sub(r"\d+", "N", found[0])[:60]
+            return "recorder: " + re.sub(r"\d+", "N", found[0])
     return ""
 
 
@@ -155,9 +156,9 @@ def late_losses(clients: Clients, outages: Sequence[Outage], deaf: Sequence[Outa
             begin, end = outage.begin + AFTER, outage.end
             if protocol in HEARING and any(one.begin < end and begin < one.end for one in deaf):
                 continue
-            wrong = [one for one in clients.between(protocol, begin, end) if one.what == GOOD]
+            wrong = [one for one in clients.between(protocol, begin, end) if one.what in SERVED]
             last = list(clients.between(protocol, 0.0, end))[-1:]
-            if wrong or not last or last[0].what == GOOD:
+            if wrong or not last or last[0].what in SERVED:
                 found.append(f"{protocol}: good {len(wrong)} times without a cell")
     return found
 

@@ -114,7 +114,7 @@ class Site:
         write_text(
             self.folder / f"{kind}.yaml",
             f"model: {config_folder() / 'model.yaml'}\ncamera: none\nrecord: {kind}\n"
-            f"parameters: {kind}_parameters.yaml\n",
+            f"parameters: {kind}_parameters.yaml\nstore_motions: {self.store}\n",
         )
 
     def environment(self) -> dict[str, str]:

@@ -12,14 +12,18 @@ import time
 from collections.abc import Callable, Coroutine, Iterator
 from typing import Any, NamedTuple
 
+from slosh_estimator.comparison import Condition
 from slosh_plc.cell_state import SIGNALS, Quality
 from slosh_plc.opc_ua import NAMESPACE, node_name
 from slosh_plc.server import quiet
 from slosh_plc.sparkplug import REBIRTH
 from slosh_plc.sparkplug_payload import QUALITIES, flag_metric, message, payload
 
-GOOD, BAD, GONE = "good", "bad", "gone"
-"""What a client sees: a good value, a bad one, or no server."""
+GOOD, BLIND, BAD, GONE = "good", "blind", "bad", "gone"
+"""What a client sees: a good value, a good one that says that the liquid is not observed, a value
+of bad quality, or no server."""
+SERVED = (GOOD, BLIND)
+"""What must not be seen of a cell that is lost."""
 POLLING = ("OPC UA", "Modbus")
 HEARING = ("MQTT", "Sparkplug")
 """Protocols of clients that look, and of those that a broker tells."""
@@ -114,7 +118,9 @@ class Clients:
                 told = await height.read_data_value(raise_on_bad_status=False)
                 known = isinstance(told.Value.Value, float) and told.StatusCode.is_good()
                 self.height = told.Value.Value if known else math.nan
-                self._note("OPC UA", GOOD if value.StatusCode.is_good() else BAD)
+                is_seen = value.Value.Value not in (Condition.STALE, Condition.BLIND)
+                good = GOOD if is_seen else BLIND
+                self._note("OPC UA", good if value.StatusCode.is_good() else BAD)
                 await asyncio.sleep(POLLED)
 
     async def _modbus(self) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import signal
-import threading
 import time
 from pathlib import Path
 
@@ -48,7 +47,6 @@ class Month:
         self._ended: float | None = None
         self._known: list[StoredBag] = []
         self.left: list[StoredBag] = []
-        self._ingest: threading.Thread | None = None
         self.plc = site.start_plc()
         self._plc_pids = dict(self.plc.nodes())
 
@@ -148,7 +146,7 @@ class Month:
         time.sleep(max(moment - time.time(), 0.0))
 
     def _file(self, shift: Shift, before: set[Path]) -> None:
-        """Dates the day's files, reads what they tell, and ingests the bags."""
+        """Dates the day's files and reads what they tell; ingests the bags of a killed cell."""
         runs = [path for path in self.site.run_folders() if path not in before]
         for run in runs:
             self.site.clock.date_files(run)
@@ -158,22 +156,13 @@ class Month:
         shift.bags = [bag.folder for bag in found if any(r in bag.folder.parents for r in runs)]
         shift.told = audit.told_in(shift.bags)
         self._known = found
-        self._wait_for_ingest()
-        words = ("ingest", *map(str, shift.bags), "--store", str(self.site.store))
-        self._ingest = threading.Thread(target=lambda: self._run_ingest(shift, words))
-        self._ingest.start()
-
-    def _run_ingest(self, shift: Shift, words: tuple[str, ...]) -> None:
-        done = self.site.slosh(*words)
-        shift.words += done.stdout + done.stderr
-
-    def _wait_for_ingest(self) -> None:
-        if self._ingest is not None:
-            self._ingest.join()
+        if Trouble.KILL in shift.day.troubles:  # its recorder had no end at which to store motions
+            words = ("ingest", *map(str, shift.bags), "--store", str(self.site.store))
+            done = self.site.slosh(*words)
+            shift.words += done.stdout + done.stderr
 
     def _look_at_store(self) -> None:
         """Notes what retention has deleted at a day's start, and the size of the rest."""
-        self._wait_for_ingest()
         now = self.site.clock.now()
         deadline = time.monotonic() + PATIENCE
         while True:
@@ -187,8 +176,7 @@ class Month:
         self.kept = max(self.kept, size)
 
     def finish(self) -> None:
-        """Waits for the last ingest and stops the PLC node."""
-        self._wait_for_ingest()
+        """Stops the PLC node."""
         self.plc.process.send_signal(signal.SIGTERM)
         code = self.plc.process.wait(PATIENCE)
         if code or any(map(alive, self._plc_pids.values())):

@@ -55,7 +55,7 @@ def test_a_motion_that_is_missing_without_a_word_is_found() -> None:
 def test_a_loss_is_told_by_bad_quality_or_by_the_recorder() -> None:
     during = watched((2 * PERIOD - 0.5, 2 * PERIOD + 0.5))
     found = counted(rows(0, 1, 3), during)
-    assert (found.fates[2], found.reasons) == (Fate.LOST, {"bad quality over OPC UA"})
+    assert (found.fates[2], found.reasons) == (Fate.LOST, {"over OPC UA: bad"})
     found = counted(rows(0, 1, 3), watched((0.0, 1.0)))  # at another time
     assert found.fates[2] is Fate.UNTOLD
     found = counted(rows(0, 1, 3), watched(), words="17 messages are lost (noted in the bag)")

@@ -80,6 +80,11 @@ def nothing(number: int) -> float:
     return float(number)
 
 
+def processor_time() -> float:
+    """Returns the processor time of this process [s]."""
+    return time.process_time()
+
+
 def resident() -> float:
     """Returns the memory of this process [MiB]."""
     return float(psutil.Process().memory_info().rss) / 2**20

@@ -24,7 +24,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import with_tools  # noqa: F401
 from distributed import Client, LocalCluster
-from fleet_bags import ingest_one, make_bag, nothing, replay_one, resident
+from fleet_bags import ingest_one, make_bag, nothing, processor_time, replay_one, resident
 from result_tables import fill
 
 from slosh_bringup.cli.progress import say
@@ -40,11 +40,13 @@ class Run(NamedTuple):
 
     Attributes:
         seconds: from the first task to the last outcome, without the start of the workers.
+        processor: processor time of scheduler, client and workers meanwhile [s].
         first_memory, last_memory: largest of a worker after a tenth of the bags, and after all
             [MiB].
     """
 
     seconds: float
+    processor: float
     first_memory: float
     last_memory: float
 
@@ -69,6 +71,7 @@ def run_all(work: Callable[[Any], float], items: Sequence[Any], client: Client) 
         RuntimeError: an item failed.
     """
     memory: list[float] = []
+    spent = -_processor(client)
     begin = time.perf_counter()
     outcomes = map_files(work, items, scheduler=client.scheduler.address)
     for taken, outcome in enumerate(outcomes, 1):
@@ -76,7 +79,12 @@ def run_all(work: Callable[[Any], float], items: Sequence[Any], client: Client) 
             raise RuntimeError(f"{outcome.item}: {outcome.error}")
         if taken in (-(-len(items) // 10), len(items)):
             memory.append(max(client.run(resident).values()))
-    return Run(time.perf_counter() - begin, memory[0], memory[-1])
+    seconds = time.perf_counter() - begin
+    return Run(seconds, spent + _processor(client), memory[0], memory[-1])
+
+
+def _processor(client: Client) -> float:
+    return time.process_time() + float(sum(client.run(processor_time).values()))
 
 
 def task_cost(count: int) -> float:
@@ -131,6 +139,10 @@ def measured(name: str, make: Callable[[], Callable[[Any], float]], bags: Sequen
                 own.append(run_all(work, bags[4 * workers :], client))
             say(f"{name}, {workers} workers: {own[-1]}, load {os.getloadavg()[0]:.1f}")
     middle = {n: statistics.median(run.seconds for run in own) for n, own in runs.items()}
+    own_time = {
+        n: 1e3 * statistics.median(run.processor for run in own) / (len(bags) - 4 * n)
+        for n, own in runs.items()
+    }
     rows = []
     for workers, own in runs.items():
         count = len(bags) - 4 * workers
@@ -141,7 +153,8 @@ def measured(name: str, make: Callable[[], Callable[[Any], float]], bags: Sequen
         )
         rows.append(
             f"| {name} | {len(bags)} | {workers} | {middle[workers]:.1f} | {speed:.1f} "
-            f"| {share:.2f} | {first:.0f} | {last:.0f} |"
+            f"| {share:.2f} | {own_time[workers]:.0f} | {own_time[1] / own_time[workers]:.2f} "
+            f"| {first:.0f} | {last:.0f} |"
         )
     return rows
 
@@ -180,8 +193,9 @@ def main() -> int:
     rng = np.random.default_rng(1)
     drawn = rng.choice(durations, 64 * 50).tolist()
     table = [
-        "| work | bags | workers | time [s] | bags/s | of linear | MiB after 10 % | MiB |",
-        "|---|--:|--:|--:|--:|--:|--:|--:|", *rows,
+        "| work | bags | workers | time [s] | bags/s | of linear "
+        "| processor [ms/bag] | its share of linear | MiB after 10 % | MiB |",
+        "|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|", *rows,
     ]  # fmt: skip
     wide = [
         f"| workers, simulated ({1e3 * cost:.1f} ms a task) | "

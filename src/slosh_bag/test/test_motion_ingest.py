@@ -58,7 +58,7 @@ def test_a_failure_is_one_line_with_the_remedy(tmp_path, program, why):
     assert state == "not added to STORE"
     folder = tmp_path / "bag"
     assert complaint == (
-        f"the recording is whole, but its motions are not in STORE: {why}; "
+        f"the recording is kept, but its motions are not in STORE: {why}; "
         f"`slosh ingest {folder} --store STORE` adds them"
     )
 
@@ -144,7 +144,7 @@ def test_a_store_that_cannot_be_written_is_told_and_the_recording_is_whole(cell,
 
     def complaints():
         states = [one for array in told for one in array.status if one.name == "/recorder"]
-        return [one for one in states if "the recording is whole, but" in one.message]
+        return [one for one in states if "the recording is kept, but" in one.message]
 
     cell.until(complaints, "the complaint")
     assert complaints()[-1].level == WARN

@@ -85,7 +85,7 @@ class MotionIngest:
     def _failed(self, why: str) -> None:
         self._state = f"not added to {self._store}"
         self.complaint = (
-            f"the recording is whole, but its motions are not in {self._store}: {why}; "
+            f"the recording is kept, but its motions are not in {self._store}: {why}; "
             f"`slosh ingest {self._folder} --store {self._store}` adds them"
         )
 

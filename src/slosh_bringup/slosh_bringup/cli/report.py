@@ -105,8 +105,8 @@ def _add_acceptance(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--max-spread", type=HEIGHT, metavar="M",
-        help="greatest accepted spread of a motion's highest height over the bags (default: not "
-        "judged)",
+        help="greatest accepted difference of a motion's peak heights in the bags [m] (default: "
+        "not judged)",
     )  # fmt: skip
     parser.add_argument(
         "--uncertainty", type=ERROR, default=0.0, metavar="M",

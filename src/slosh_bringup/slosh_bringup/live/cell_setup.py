@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from slosh_bag.mcap_files.remote_path import is_url
 from slosh_bag.store.motion_ingest import PARAMETER as MOTIONS
 from slosh_base.files.errors import SloshFileError
 from slosh_base.files.file_version import CELL, read_versioned
@@ -192,7 +193,7 @@ def _store(source: YamlDocument) -> str:
             f"{source.at(MOTIONS)} = {shown(value)} must be a folder or a URL, such as "
             "s3://bucket/motions"
         )
-    if not value or "://" in value:
+    if not value or is_url(value):
         return value
     return str((Path(source.source).parent / value).resolve())
 

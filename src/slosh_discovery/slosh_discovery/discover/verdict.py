@@ -309,7 +309,7 @@ def other_frequency(base: Fit, motions: Sequence[PreparedMotion]) -> OtherFreque
 
 
 def _unlike(base: Fit, motions: Sequence[PreparedMotion], factor: float) -> float:
-    """Returns the fraction of the heights' power outside the waves of a scaled frequency."""
+    """Returns the fraction of the heights' power unexplained with a scaled natural frequency."""
     models = [
         base.model_of(one.motion.group).with_effect(EFFECT, factor=factor) for one in motions
     ]

@@ -106,7 +106,7 @@ class ContainerCameras:
             camera.monitor.core.reset_accuracy()
 
     def add_tray(self, message: TrayEstimate) -> None:
-        """Adds the estimates of the tray's containers."""
+        """Compares a tray's estimates with the cameras' heights and publishes the comparisons."""
         self._counts[topics.TRAY_ESTIMATE] += 1
         for camera in self._cameras.values():
             monitor = camera.monitor

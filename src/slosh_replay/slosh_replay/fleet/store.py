@@ -19,6 +19,7 @@ from typing import Any, Final, NamedTuple
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.export_sinks import load_pyarrow
+from slosh_bag.mcap_files.remote_path import telling
 from slosh_base.files import write_bytes
 from slosh_replay.fleet.motion_row import COLUMNS, Column, MotionRow
 
@@ -71,12 +72,10 @@ class FleetStore:
 
     def __init__(self, url: str) -> None:
         self.url = url
-        try:
+        with self._naming():
             core = importlib.import_module("fsspec.core")
             self._files, self._root = core.url_to_fs(url)
             self.is_disk = "file" in _protocols(self._files)
-        except (ImportError, ValueError) as error:
-            raise SloshBagError(f"{url}: {' '.join(str(error).split())}") from None
 
     def add(self, rows: Sequence[MotionRow]) -> Added:
         """Stores the motions of one bag; those that are stored already are left.
@@ -134,10 +133,10 @@ class FleetStore:
     def _naming(self) -> Iterator[None]:
         """Turns an error of the file system into one line that names the store."""
         try:
-            yield
+            with telling(self.url):
+                yield
         except OSError as error:
-            reason = error.strerror or " ".join(str(error).split())
-            raise SloshBagError(f"{self.url}: {reason}") from None
+            raise SloshBagError(f"{self.url}: {error.strerror}") from None
 
     def dataset(self) -> Any:
         """Returns all stored motions as a pyarrow dataset; the same motion may be in it twice.
