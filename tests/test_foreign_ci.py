@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parent.parent
 FILE = ROOT / "docs" / "examples" / "ci" / "slosh.yml"
 STEPS = yaml.safe_load(FILE.read_text(encoding="utf-8"))["jobs"]["replay"]["steps"]
 RUN = [step["run"] for step in STEPS if "run" in step]
-OPTIONAL = {"plan", "plc", "fleet", "joints", "modes"}
+OPTIONAL = {"plan", "plc", "fleet", "joints", "modes", "pdf"}
 """Optional requirements that users install as an extra."""
 MODEL = "src/slosh_bringup/config/model.yaml"
 """That the recordings' manifest names."""

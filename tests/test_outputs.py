@@ -309,6 +309,10 @@ CASES = {
     "replay --write-manifest": Case(
         "replay OUT/recording --write-manifest", "manifest.yaml", limit=FULL
     ),
+    "report": Case("report --validation SHOP/recording -o OUT/a.html", "a.html", limit=FULL),
+    "report, a PDF": Case(
+        "report --validation SHOP/recording -o OUT/a.pdf", "a.pdf", limit=FULL, library="fpdf"
+    ),
     "export": Case(
         "export SHOP/bag --topic header --overwrite -o OUT/a.csv", "a.csv",
         "export SHOP/many_messages --topic header --overwrite -o OUT/a.csv",

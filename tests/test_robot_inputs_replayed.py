@@ -110,7 +110,7 @@ class Maker:
             yield "/robot/twist", kind, BEGIN + round(t * 1e9), message
 
     def poses(self) -> Iterator[Message]:
-        """Of the cup in the frame of the robot's base, which stands turned in the world."""
+        """Yields the cup's poses in the frame of the robot's base, turned by 0.7 rad."""
         kind, half = "geometry_msgs/msg/PoseStamped", 0.35
         transform = self._types["geometry_msgs/msg/Transform"](
             self.vector(1.0, 2.0, 0.0), self.turn(0.0, 0.0, np.sin(half), np.cos(half))

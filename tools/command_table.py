@@ -1,4 +1,4 @@
-"""Formats the commands as tables for docs/commands.md, from the command line's own list."""
+"""Formats the list of commands as tables for docs/commands.md."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def tables() -> str:
 
 
 def linked(name: str) -> str:
-    """Formats a command's name, as a link to its page if it has one."""
+    """Formats a command's name, as a link to the command's page if there is one."""
     page = PAGES.get(name, f"{name}.md")
     shown = f"`slosh {name}`"
     return f"[{shown}]({page})" if (DOCS / page.partition("#")[0]).exists() else shown

@@ -61,7 +61,7 @@ class BuiltWheel(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Name of the package, as it is imported."""
+        """Import name of the package."""
         return self.package.name
 
     @property
@@ -78,7 +78,7 @@ class BuiltWheel(NamedTuple):
 
 
 def required_by(wheel: BuiltWheel, wheels: Iterable[BuiltWheel]) -> str:
-    """Returns the lines of a wheel's METADATA that name the other wheels which it needs.
+    """Returns the lines of a wheel's METADATA that require other wheels of this workspace.
 
     Args:
         wheel: the one that needs others, as its package.xml says; `slosh` needs all of them.

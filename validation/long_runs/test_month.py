@@ -42,7 +42,7 @@ def rows(*numbers: float, length: float = 0.8) -> list[Row]:
 
 
 def counted(stored: list[Row], clients: Clients, **given: object) -> audit.Counted:
-    shift = Shift(Day(1, 0), BEGAN, **given)  # type: ignore[arg-type]
+    shift = Shift(Day(1, 0), BEGAN, **given)
     return audit.count_motions(shift, stored, clients, audit.moments_of(shift))
 
 

@@ -31,7 +31,7 @@ def bag(folder):
 
 
 def ended(tmp_path, program, *, longest=60.0):
-    """What is told of a program in place of `slosh ingest`."""
+    """Runs another program in place of `slosh ingest` and returns what is reported of its end."""
     told = []
     command = (sys.executable, "-c", program)
     ingest = MotionIngest("STORE", bag(tmp_path / "bag"), command)

@@ -57,7 +57,7 @@ CHARTS: Final = (
 
 
 class Drift(NamedTuple):
-    """A container in a cell: median and change over the whole time of what the observer found.
+    """Median and change of the identified frequency, damping and level of a container in a cell.
 
     None in a number: unknown.
     """
@@ -75,7 +75,7 @@ class Drift(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Cell, container and the begin of the model's digest."""
+        """Cell, container and the first digits of the model's digest, as text."""
         return f"{self.cell}, {self.container or 'unknown container'}, model {self.model[:8]}"
 
 
@@ -118,7 +118,7 @@ def render_fleet(store: FleetStore) -> str:
 
 
 def _most_changed(drifts: Sequence[Drift], number: int) -> list[Drift]:
-    """Returns the containers in which one of CHARTS has changed most, in the order of `drifts`."""
+    """Returns the containers whose value in a chart has changed most, in the given order."""
     changes = [(one.frequency_change, one.damping_change, one.level_change) for one in drifts]
     known = [(abs(own[number] or 0.0), -row) for row, own in enumerate(changes)
              if own[number] is not None]  # fmt: skip
@@ -144,9 +144,10 @@ def _trend(
             values = [factor * value for _, value in rows]
             axes.plot(days, values, dashes, marker=".", markersize=4.0, color=colour)
         axes.ticklabel_format(axis="y", useOffset=False)
-        locator = AutoDateLocator(maxticks=8)
+        locator: Any = AutoDateLocator(minticks=3, maxticks=8)  # type: ignore[no-untyped-call]
         axes.xaxis.set_major_locator(locator)
-        axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+        shown: Any = ConciseDateFormatter(locator)  # type: ignore[no-untyped-call]
+        axes.xaxis.set_major_formatter(shown)
         drawing = Markup(svg_text(figure, name))
     return Trend(name, label, drawing, [one.title for one in drifts])
 

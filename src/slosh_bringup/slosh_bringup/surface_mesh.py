@@ -1,4 +1,4 @@
-"""Mesh of the liquid's surface over a container's cross-section, for three-dimensional views."""
+"""Mesh of the liquid surface over a container's cross-section, for three-dimensional views."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ AROUND = 36
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SurfaceMesh:
-    """A surface that follows the wave's heights at the wall, with the shape of the first mode.
+    """Mesh whose vertices move with the heights at the wall, in the shape of the first mode.
 
     Attributes:
         points: (M, 2) places of the vertices in the container's frame [m]; the last AROUND of them
@@ -44,11 +44,11 @@ class SurfaceMesh:
 
     @property
     def wall(self) -> Array:
-        """Places (AROUND, 2) of the vertices on the wall [m]."""
+        """Positions (AROUND, 2) of the vertices on the wall [m]."""
         return self.points[-AROUND:]
 
     def on_wall(self, azimuth: float) -> Array:
-        """Returns the place (2,) on the wall in the direction of an azimuth [rad] from +x [m]."""
+        """Returns the position (2,) on the wall at an azimuth [rad] from +x [m]."""
         angles = np.arctan2(self.wall[:, 1], self.wall[:, 0])
         # Between two vertices the wall is straight.
         return np.array(
@@ -57,7 +57,7 @@ class SurfaceMesh:
 
 
 def surface_mesh(container: Container) -> SurfaceMesh:
-    """Creates the mesh of a container's surface.
+    """Creates the mesh of a container's liquid surface.
 
     Args:
         container: of any shape; where its waves' shape is not known, the surface is a plane.
@@ -77,20 +77,22 @@ def surface_mesh(container: Container) -> SurfaceMesh:
 
 
 def _wall(container: Container) -> Array:
-    """Returns AROUND places (AROUND, 2) on the wall, by azimuth from just above -π [m]."""
+    """Returns AROUND positions (AROUND, 2) on the wall [m], by azimuth from just above -π rad."""
     azimuth = -math.pi + 2.0 * math.pi * (np.arange(AROUND) + 0.5) / AROUND
     direction = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
     reaches = np.array(container.reaches)
     corners = container.corners
     if not len(corners) and not (container.cornered or container.section == PRISMATIC):
-        return direction * reaches
+        round_wall: Array = direction * reaches
+        return round_wall
     if not len(corners):
         corners = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
-    return direction * _distances(np.asarray(corners) * reaches, direction)[:, np.newaxis]
+    wall: Array = direction * _distances(np.asarray(corners) * reaches, direction)[:, np.newaxis]
+    return wall
 
 
 def _distances(corners: Array, direction: Array) -> Array:
-    """Returns the distances (N,) from the axis to an outline, in directions (N, 2) [m]."""
+    """Returns the distances (N,) from the axis to an outline along directions (N, 2) [m]."""
     begin, edge = corners, np.roll(corners, -1, axis=0) - corners
     # t d = b + s e, by Cramer's rule, for each direction d and each edge e from b.
     cross = direction[:, :1] * edge[:, 1] - direction[:, 1:] * edge[:, 0]
@@ -103,7 +105,7 @@ def _distances(corners: Array, direction: Array) -> Array:
 
 
 def _along(container: Container, axis: int, place: Array) -> Array:
-    """Returns the first mode's height at places along an axis [m], 1 at the wall's + side."""
+    """Returns the first mode's height at positions along an axis [m], scaled to 1 at the wall."""
     where, shape = container.surface_shape(1, axis)
     shape = np.asarray(shape) / (shape[-1] or 1.0)
     found: Array = np.sign(place) * np.interp(np.abs(place), where, shape)
@@ -111,7 +113,7 @@ def _along(container: Container, axis: int, place: Array) -> Array:
 
 
 def _triangles() -> NDArray[np.int64]:
-    """Returns the triangles (K, 3) between the rings, and from the first ring to the axis."""
+    """Returns the triangles (K, 3) of the mesh, as indices of their vertices."""
     here = np.arange(AROUND)
     beside = (here + 1) % AROUND
     rows = [np.column_stack([np.zeros_like(here), 1 + here, 1 + beside])]

@@ -15,7 +15,7 @@ GROUPS = {name: group for name, group in PARAMETERS.items() if isinstance(group,
 
 
 def groups_of(name):
-    """The groups whose analyzer takes a status, as std::regex_match does: by the whole name."""
+    """Returns the aggregator's groups whose patterns match the whole name of a status."""
     return [
         group
         for group, analyzer in GROUPS.items()

@@ -1,14 +1,20 @@
 """Tests `slosh ingest` and `slosh query`: unique rows, one-line errors, and the page."""
 
+import importlib
 import json
+import os
 import re
+import sys
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from slosh_bringup.cli.main import main
+from slosh_bringup.many_files import KILLED, map_files
 from slosh_replay.fleet.motion_row import COLUMNS, MotionRow
+from slosh_replay.fleet.motions import motions_of
 from slosh_replay.fleet.store import FleetStore
 
 BAGS = Path(__file__).parents[3] / "bags"
@@ -145,3 +151,76 @@ def test_a_page_without_an_observer_says_so(tmp_path):
     main(["ingest", str(BAGS / "l"), "--store", str(store)])
     assert main(["query", "--store", str(store), "--page", str(page)]) == 0
     assert "natural frequency [rad/s]: not known of any motion" in page.read_text()
+
+
+FIVE = ("l", "l3", "c", "c3", "e")
+WORK = """
+import os
+import signal
+from pathlib import Path
+
+from slosh_bringup.cli.ingest import ingest_task
+
+
+def ingest_or_die(store, bag):
+    if bag.name == "c":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return ingest_task(store, bag)
+"""
+
+
+def told_of(capsys):
+    """What a run has printed of each bag, by the bag's name."""
+    lines = capsys.readouterr().out.splitlines()[:-1]
+    return {line.partition(":")[0].rpartition("/")[2]: line.rpartition(", ")[2] for line in lines}
+
+
+def test_an_interrupted_ingest_goes_on_with_the_rest(tmp_path, capsys, monkeypatch):
+    line = [
+        "ingest",
+        *(str(BAGS / name) for name in FIVE),
+        "--store",
+        str(tmp_path),
+        "--jobs",
+        "1",
+    ]
+    read = []
+
+    def reads(path):
+        if len(read) == 2:
+            raise KeyboardInterrupt
+        read.append(path.name)
+        return motions_of(path)
+
+    monkeypatch.setattr("slosh_replay.fleet.ingest.motions_of", reads)
+    assert main(line) not in (0, 2)
+    assert read == ["l", "l3"]
+    capsys.readouterr()
+    read.clear()
+    monkeypatch.setattr(
+        "slosh_replay.fleet.ingest.motions_of",
+        lambda path: read.append(path.name) or motions_of(path),
+    )
+    assert main(line) == 0
+    assert read == ["c", "c3", "e"]
+    assert told_of(capsys) == dict.fromkeys(FIVE, "stored") | dict.fromkeys(
+        ("l", "l3"), "stored before"
+    )
+
+
+@pytest.mark.long
+def test_a_killed_worker_costs_its_own_bag(tmp_path, monkeypatch, capsys):
+    (tmp_path / "fleet_work.py").write_text(WORK)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    monkeypatch.setenv("PYTHONPATH", path.rstrip(os.pathsep))
+    work = importlib.import_module("fleet_work")
+    store = str(tmp_path / "store")
+    bags = [BAGS / name for name in FIVE]
+    found = list(map_files(partial(work.ingest_or_die, store), bags, jobs=2))
+    del sys.modules["fleet_work"]
+    assert {one.item.name: one.error for one in found if one.error} == {"c": KILLED}
+    assert len(FleetStore(store).dataset().to_table()) == len(FIVE) - 1
+    assert main(["ingest", *map(str, bags), "--store", store, "--jobs", "2"]) == 0
+    assert told_of(capsys) == dict.fromkeys(FIVE, "stored before") | {"c": "stored"}
+    assert len(FleetStore(store).dataset().to_table()) == len(FIVE)

@@ -42,7 +42,7 @@ def graph():
 
 @pytest.fixture
 def cell(graph):
-    """A running node, and who speaks to it."""
+    """Provides a running markers node and publishers of its inputs."""
     node = graph.with_parameters(MarkersNode, CELL, rate=60.0)
     heard = graph.listen(MarkerArray, topics.MARKERS)
     topic = {
@@ -73,7 +73,7 @@ def tell(topic, node, parameters=(), files=()):
 
 
 def shown(cell, wanted, **state):
-    """The markers, once they are as wanted."""
+    """Waits for markers that satisfy a condition and returns them."""
     graph, _, heard, topic = cell
     heard.clear()
 

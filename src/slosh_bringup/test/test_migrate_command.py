@@ -16,7 +16,7 @@ from slosh_replay.manifest import Expectation, read_manifest, write_manifest
 
 @pytest.fixture
 def cup(tmp_path):
-    """A new cup's files without their versions, as slosh 0.1.0 wrote them."""
+    """Creates the files of a new cup without their versions, as slosh 0.1.0 wrote them."""
     folder = tmp_path / "cup"
     new = ["new", str(folder), "--radius", "0.05", "--fill-height", "0.07", "--wall", "0.002"]
     assert main(new) == 0

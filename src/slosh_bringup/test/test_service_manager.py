@@ -4,20 +4,19 @@ import socket
 
 import pytest
 
-from slosh_bringup.live import service_manager
 from slosh_bringup.live.service_manager import ServiceManager
 
 
 @pytest.fixture
 def clock(monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(service_manager.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr("slosh_bringup.live.service_manager.time.monotonic", lambda: now[0])
     return now
 
 
 @pytest.fixture(params=["file", "abstract"])
 def manager(request, tmp_path):
-    """A socket as systemd's, and its name in the environment."""
+    """Provides a bound socket like systemd's and an environment that names it."""
     name = str(tmp_path / "notify") if request.param == "file" else f"@{tmp_path}"
     listening = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
     with listening:

@@ -102,7 +102,7 @@ class MonitorSettings:
         }
 
     def at_rim(self, source: Source) -> bool:
-        """Returns whether a quantity is limited by the rim, below any set limit."""
+        """Returns whether the rim limits a quantity, because no lower limit is set."""
         given = {Source.MEASURED: self.measured_limit, Source.ESTIMATED: self.estimated_limit}
         return source in given and bool(self.rim <= np.fmin(given[source], math.inf))
 

@@ -63,7 +63,7 @@ class PoseFilter(NamedTuple):
 
     @classmethod
     def smoothing(cls, modes: Modes, delay: float, order: int = 2) -> PoseFilter:
-        """Creates a delayed filter: the lowest polynomial degree that passes the modes.
+        """Creates a filter of given delay with the lowest degree that passes the modes.
 
         A higher degree carries them over a longer window, which averages more noise.
 

@@ -64,7 +64,7 @@ def modal_acceleration(mode, elapsed, q, inputs, parameters):  # type: ignore[no
 
 @compiled
 def in_axes(inputs, axes):  # type: ignore[no-untyped-def]
-    """Rotates the inputs from the container's axes to those of its modes, `axes` away [rad]."""
+    """Rotates the inputs from container axes to modal axes, by the angle `axes` [rad]."""
     if axes == 0.0:
         return inputs
     ax, ay, az, turn = inputs
@@ -334,7 +334,7 @@ def highest_and_azimuth(run, first, height_x, height_y):  # type: ignore[no-unty
 
 @compiled
 def wall_place(azimuth, cornered, reaches, corners):  # type: ignore[no-untyped-def]
-    """Returns the relative position (c, s) on the wall in a direction from the axis [rad].
+    """Returns the wall position in a direction from the axis, in units of the reaches (c, s).
 
     Args:
         azimuth: the direction [rad].

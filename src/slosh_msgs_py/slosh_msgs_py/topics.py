@@ -306,7 +306,7 @@ def of_container(name: str, container: str) -> str:
 
 
 def _of_some_container(name: str) -> str:
-    """Returns a regular expression for a topic of the first or of any other container."""
+    """Returns a regular expression that matches a topic's name for each container."""
     first, slash, rest = name.partition("/")
     other = r"(?:_\w+)?" if name in PER_CONTAINER else ""
     return f"{re.escape(first)}{other}{re.escape(slash + rest)}"

@@ -240,7 +240,7 @@ def _heights(
 
 
 def _excess(found: Extremes, limits: PlanLimits) -> float:
-    """Returns the larger relative excess over peak and residual limit; up to 0 for no excess."""
+    """Returns the larger relative excess over peak and residual limit; at most 0 if none."""
     return max(found.peak / limits.height, found.residual / limits.residual) - 1.0
 
 

@@ -156,7 +156,7 @@ class Refused:
 
 
 class _Readers:
-    """Lets every client that the security policy lets in read; none is an administrator."""
+    """Gives each client that the security policy accepts the right to read, never to write."""
 
     def get_user(self, *_: Any, **__: Any) -> Any:
         from asyncua.crypto.permission_rules import User, UserRole

@@ -8,32 +8,28 @@ import signal
 import subprocess
 import sys
 import tempfile
-from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rclpy.serialization import serialize_message
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.errors import SloshBagError
 from slosh_bag.held_folder import HeldFolder
 from slosh_model.mode_table import mode_table
 from slosh_model.model_text import parse_model
-from slosh_msgs.msg import Calm, FusedEstimate, ModelEstimate, NodeSettings, SloshEstimate
-from slosh_msgs_py.stamps import to_time
+from slosh_msgs.msg import Calm, FusedEstimate
 from slosh_replay.fleet.ingest import ingest
 from slosh_replay.fleet.motion_row import COLUMNS, MotionRow
 from slosh_replay.fleet.motions import motions_of
 from slosh_replay.fleet.query import MotionTable, query
 from slosh_replay.fleet.store import NOTES, FleetStore
 from slosh_replay.recorded_run import RecordedRun
+from slosh_testing.observed_bag import BEGIN_NS, MODEL, observed
 
 BAGS = Path(__file__).parents[3] / "bags"
-MODEL = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}"
 DAY_NS = 86_400 * 10**9
-BEGIN_NS = int(datetime(2026, 1, 30, 12, tzinfo=UTC).timestamp()) * 10**9
 needs_duckdb = pytest.mark.usefixtures("duckdb")
 
 
@@ -72,24 +68,6 @@ def test_a_recorded_motion_is_one_row():
     )
     assert found.sigma_nonlinear < 3e-4 < found.sigma_linear
     assert math.isnan(found.natural_frequency)  # this bag is older than the observer
-
-
-def observed(folder, others):
-    """Writes a bag of one push of 1 s and a rest, with further messages."""
-    messages = []
-    still = ModelEstimate(modal_position=[0.0, 0.0], modal_velocity=[0.0, 0.0])
-    for number in range(600):
-        push = 3.0 * math.sin(math.pi * number / 100.0) if 100 <= number < 200 else 0.0
-        estimate = SloshEstimate(acceleration=[push, 0.0, 0.0], linear=still, nonlinear=still)
-        messages.append(("estimate", estimate, 0.01 * number))
-    document = f"parameters: {{}}\nfiles: {{model: {MODEL!r}}}\n"
-    messages.append(("settings", NodeSettings(node="estimator", document=document), 0.0))
-    with BagWriter(folder) as writer:
-        for name, message, seconds in [*messages, *others]:
-            stamp_ns = BEGIN_NS + round(1e9 * seconds)
-            message.header.stamp = to_time(stamp_ns)
-            writer.add_topic(f"/slosh/{name}", f"slosh_msgs/msg/{type(message).__name__}")
-            writer.write(f"/slosh/{name}", serialize_message(message), stamp_ns)
 
 
 def fused(**given):

@@ -36,7 +36,7 @@ EVENT = json.dumps([{"cause": "limit", "stamp_ns": 5, "text": "over the limit"}]
 
 
 def report_of(*bags, **given):
-    """The report of recordings; options are those of an order."""
+    """Creates the validation report of recordings; the options are fields of `Order`."""
     names = tuple(bag.name for bag in bags)
     return assemble(bags, Order(names, **given)).report
 
@@ -49,7 +49,7 @@ def verdict_of(report, name=HEIGHT, recording=None):
 
 
 def altered(bag, folder, *, without=(), facts=None, parameter=""):
-    """A copy of a bag without topics, with facts, or with a further parameter of its monitor."""
+    """Copies a bag without some topics, with other facts, or with another monitor parameter."""
     reader = BagReader(bag)
     with BagWriter(folder, NotedDefinitions(reader.types), facts) as writer:
         for message in reader.messages():

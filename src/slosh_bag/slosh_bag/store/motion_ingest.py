@@ -1,4 +1,4 @@
-"""Adds the motions of a finished recording to a fleet store, by `slosh ingest`.
+"""Adds the motions of a finished recording to a fleet store by running `slosh ingest`.
 
 A bag library knows no motions: a process of the command does the work. It goes on where the one
 that started it is killed, and what it does can be repeated.
@@ -23,7 +23,7 @@ COMMAND: Final = (sys.executable, "-m", "slosh_bringup.cli", "ingest")
 
 
 class MotionIngest:
-    """Runs `slosh ingest` on a finished recording and tells how it ended.
+    """Runs `slosh ingest` on a finished recording and reports how the command ended.
 
     Args:
         store: folder or fsspec URL of the fleet store; empty: nothing is ever stored.
@@ -40,11 +40,11 @@ class MotionIngest:
         self.complaint = ""
 
     def facts(self) -> dict[str, Any]:
-        """Returns diagnostics values; empty without a store."""
+        """Returns the values for the diagnostics; empty if no store is configured."""
         return {"motions": self._state or f"to {self._store} at the end"} if self._store else {}
 
     def run(self, tell: Callable[[], object], longest: float = LONGEST) -> None:
-        """Stores the motions and waits for the end; a failure is told, not raised.
+        """Runs the command and waits for its end; a failure is reported, not raised.
 
         Args:
             tell: is called about once a second meanwhile, and once at the end.
@@ -93,7 +93,7 @@ class MotionIngest:
 def _waited(
     process: subprocess.Popen[bytes], tell: Callable[[], object], longest: float
 ) -> int | None:
-    """Returns the exit code of a process; None: it takes longer [s]."""
+    """Waits for a process and returns its exit code, or None if `longest` [s] has passed."""
     waited = 0.0
     while waited < longest:
         step = min(1.0, longest - waited)

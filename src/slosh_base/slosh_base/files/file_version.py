@@ -1,4 +1,4 @@
-"""Versions of the formats of the YAML files that people keep: models, cells, cameras, manifests.
+"""Versions of the formats of YAML files: models, cells, cameras and manifests.
 
 A file's key `version` says for which version of its format it is written; without it that is 0.
 Older files are read as if they were of today, and `slosh migrate` rewrites them; newer ones are
@@ -25,7 +25,7 @@ EACH: Final = "*"
 
 
 class RenamedKey(NamedTuple):
-    """A key that has another name in the next version of a format.
+    """A key that is renamed in the next version of a file format.
 
     Attributes:
         path: to the key by its old name, such as ("effects", "*", "alpha").
@@ -38,7 +38,7 @@ class RenamedKey(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class FileFormat:
-    """A file's format and its versions.
+    """A file format and its versions.
 
     Attributes:
         name: usual name of such a file.
@@ -56,7 +56,7 @@ class FileFormat:
         return len(self.steps)
 
     def versioned(self, document: dict[str, Any]) -> dict[str, Any]:
-        """Returns a document with the current version in front."""
+        """Returns a copy of a document with the current version number as its first key."""
         return {KEY: self.current, **document}
 
 
@@ -70,7 +70,7 @@ FORMATS: Final = (CAMERA, MANIFEST, CELL, MODEL)
 
 
 def read_versioned(path: str | Path, file_format: FileFormat) -> YamlDocument:
-    """Reads a file of any version as `parse_versioned` does.
+    """Reads a file that was written in any version of its format, as `parse_versioned` does.
 
     Raises:
         TextFileError: the file cannot be read.
@@ -82,7 +82,7 @@ def read_versioned(path: str | Path, file_format: FileFormat) -> YamlDocument:
 def parse_versioned(
     text: str, source: str, file_format: FileFormat, longest: int = LONGEST
 ) -> YamlDocument:
-    r"""Parses a file of any version; its value has today's keys, and no key `version`.
+    r"""Parses text of any format version; the value has the current keys, without `version`.
 
     >>> parse_versioned("version: 1\ncontainer: {radius: 0.05}", "cup.yaml", MODEL).value
     {'container': {'radius': 0.05}}
@@ -107,7 +107,7 @@ def parse_versioned(
 
 
 class Migrated(NamedTuple):
-    """A file's text in the current version of its format.
+    """A file's text, converted to the current version of its format.
 
     Attributes:
         file_format: what kind of file it is.
@@ -121,7 +121,7 @@ class Migrated(NamedTuple):
 
 
 def migrated(text: str, source: str, formats: Sequence[FileFormat] = FORMATS) -> Migrated:
-    """Rewrites a file's text for the current version of its format, and keeps the rest of it.
+    """Converts a file's text to the current version of its format; comments and order stay.
 
     Args:
         text: YAML.
@@ -156,7 +156,7 @@ def migrated(text: str, source: str, formats: Sequence[FileFormat] = FORMATS) ->
 
 
 def _version(document: YamlDocument, file_format: FileFormat) -> int:
-    """Returns the version of a file; raises YamlError if this program cannot read it."""
+    """Returns a file's format version; raises YamlError if this program cannot read it."""
     given = document.value.get(KEY, 0) if isinstance(document.value, dict) else 0
     newest = file_format.current
     if isinstance(given, bool) or not isinstance(given, int) or given < 0:
@@ -172,7 +172,7 @@ def _version(document: YamlDocument, file_format: FileFormat) -> int:
 
 
 def _renamed(text: str, document: YamlDocument, file_format: FileFormat, version: int) -> str:
-    """Returns the text with the names of the keys of the current version, lines as they were."""
+    """Returns the text with its keys renamed as in the current version of the format."""
     for step in file_format.steps[version:]:
         changes = [
             (key.start_mark.index, key.end_mark.index, one.name)
@@ -187,7 +187,7 @@ def _renamed(text: str, document: YamlDocument, file_format: FileFormat, version
 
 
 def _keys(node: Any, path: Sequence[str]) -> Iterator[Any]:
-    """Yields the nodes of the keys that a path leads to."""
+    """Yields the YAML nodes of all keys that match a path."""
     word, *rest = path
     if isinstance(node, yaml.SequenceNode) and word == EACH:
         for item in node.value:
@@ -207,7 +207,7 @@ def _keys_of_mapping(pairs: Iterable[Any], word: str, rest: Sequence[str]) -> It
 
 
 def _with_version(text: str, document: YamlDocument, version: int) -> str:
-    """Returns the text with its version, after the comments at its top."""
+    """Returns the text with the key `version` set; a new key comes after the top comments."""
     root: Any = document.root
     for key, value in root.value:
         if key.value == KEY:

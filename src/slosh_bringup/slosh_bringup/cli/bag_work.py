@@ -12,7 +12,7 @@ WORTH_PROCESSES: Final = 100_000_000
 
 
 def add_work_options(parser: argparse.ArgumentParser) -> None:
-    """Adds the options that say in how many processes, and where, the bags are worked on."""
+    """Adds the options `--jobs` and `--scheduler`: where, and in how many processes, to work."""
     parser.add_argument(
         "--jobs", type=int, metavar="N",
         help="number of processes (default: one per core; one for small bags)",
@@ -24,7 +24,7 @@ def add_work_options(parser: argparse.ArgumentParser) -> None:
 
 
 def chosen_jobs(bags: Sequence[Path], arguments: argparse.Namespace) -> int | None:
-    """Returns the number of processes on this machine; None: one for each core."""
+    """Returns the number of processes to use on this machine, or None for one per core."""
     jobs: int | None = arguments.jobs
     if jobs is None and arguments.scheduler is None and _size(bags) < WORTH_PROCESSES:
         return 1
@@ -32,6 +32,6 @@ def chosen_jobs(bags: Sequence[Path], arguments: argparse.Namespace) -> int | No
 
 
 def _size(bags: Sequence[Path]) -> int:
-    """Returns the total size of the bags that can be read [bytes]."""
+    """Returns the total size of all readable bags [bytes]."""
     files = [path for bag in bags for path in (bag, *bag.glob("*.mcap"))]
     return sum(path.stat().st_size for path in files if path.is_file())

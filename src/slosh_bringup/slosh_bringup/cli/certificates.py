@@ -38,17 +38,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="with --create: time for which the certificate is valid [day] (default %(default)g)",
     )  # fmt: skip
     parser.add_argument(
-        "--replace", action="store_true", help="with --create: replace a certificate that is there"
+        "--replace",
+        action="store_true",
+        help="with --create: replace an existing certificate and key",
     )
     parser.add_argument(
         "--trust", nargs="+", type=Path, default=[], metavar="FILE",
-        help="trust the clients of these certificates, PEM or DER",
+        help="certificates (PEM or DER) of clients to trust",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the certificates as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Creates or trusts what is asked for, and prints all certificates; 1 if one has expired."""
+    """Creates or trusts certificates and prints all of them; returns 1 if one has expired."""
     if arguments.replace and not arguments.create:
         raise SloshBringupError("--replace: needs --create HOST")
     now = datetime.now(UTC)
@@ -64,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def as_text(found: Sequence[Certificate], now: datetime) -> str:
-    """Returns the table of certificates, and a line about each that needs attention."""
+    """Formats certificates as a table, followed by a line for each that needs attention."""
     rows = [("of", "name", "valid until", "days left", "hosts", "SHA-256", "file")]
     rows += [
         (
@@ -79,7 +81,7 @@ def as_text(found: Sequence[Certificate], now: datetime) -> str:
 
 
 def as_json(found: Sequence[Certificate], now: datetime) -> str:
-    """Returns the certificates as JSON."""
+    """Formats certificates as a JSON list."""
     rows = [
         {
             "of": _role(one), "name": one.name, "uri": one.uri, "hosts": one.hosts,

@@ -9,6 +9,7 @@ from contextlib import closing
 from functools import partial
 from pathlib import Path
 
+from slosh_bag.mcap_files.remote_path import bag_path, is_url
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.bag_work import add_work_options, chosen_jobs
 from slosh_replay.fleet import PLACE
@@ -17,9 +18,9 @@ from slosh_replay.fleet.store import FleetStore
 
 EPILOG = """Each motion becomes a row of Parquet files in STORE/cell=.../month=..., which appear
 as a whole. A bag that has not changed since is not read again, so an interrupted run is continued
-by repeating it; a motion that is stored already counts once, whatever its bag is called. Other
-places than a disk, such as s3://bucket/motions, need their fsspec library (pip install s3fs). The
-recorder does the same at its end where cell.yaml has `store_motions: STORE`."""
+by repeating it; a motion that is stored already counts once, whatever its bag is called. Bags and
+the store may be URLs, such as s3://bucket/motions (requirements/storage.txt); such bags are read
+by ranges. The recorder does the same at its end where cell.yaml has `store_motions: STORE`."""
 
 
 def add_store(parser: argparse.ArgumentParser) -> None:
@@ -34,15 +35,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `slosh ingest` to the argument parser."""
     parser.epilog = EPILOG
     parser.add_argument(
-        "bags", nargs="+", type=Path, metavar="BAG",
-        help="recordings with estimates, or folders of them",
+        "bags", nargs="+", type=bag_path, metavar="BAG",
+        help="recordings with estimates, or folders of them; also URLs such as s3://bucket/bag",
     )  # fmt: skip
     add_store(parser)
     add_work_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Stores the motions of each bag; goes on if one cannot be read."""
+    """Stores the motions of each bag; continues if a bag cannot be read."""
     from slosh_bringup.cli.progress import item_progress
     from slosh_bringup.many_files import map_files
 
@@ -66,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def ingest_task(url: str, bag: Path) -> Ingested:
-    """Stores the motions of one bag; a process of its own may run it.
+    """Stores the motions of one bag; can run in another process.
 
     Raises:
         SloshBagError: the bag cannot be read, or the store cannot be written.
@@ -75,7 +76,7 @@ def ingest_task(url: str, bag: Path) -> Ingested:
 
 
 def _bags(paths: Sequence[Path]) -> tuple[list[Path], bool]:
-    """Returns the bags at some paths, each once, and whether a path has none."""
+    """Returns the bags found at paths, each once, and whether one of the paths has no bag."""
     from slosh_bag.errors import SloshBagError
     from slosh_bringup.cli.replay import find_bags
     from slosh_bringup.errors import SloshBringupError
@@ -93,8 +94,8 @@ def _bags(paths: Sequence[Path]) -> tuple[list[Path], bool]:
 
 
 def _absolute(store: str) -> str:
-    """Returns a folder's absolute path, which processes elsewhere understand, or the URL."""
-    return store if "://" in store else str(Path(store).absolute())
+    """Returns the absolute path of a store's folder, or the unchanged URL of a remote store."""
+    return store if is_url(store) else str(Path(store).absolute())
 
 
 def _told(found: Ingested) -> str:

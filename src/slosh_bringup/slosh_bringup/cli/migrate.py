@@ -1,4 +1,4 @@
-"""`slosh migrate`: rewrites files of older versions for this one, with their comments."""
+"""`slosh migrate`: rewrites files of older format versions in the current one."""
 
 from __future__ import annotations
 
@@ -22,11 +22,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "files", nargs="+", type=Path, metavar="FILE", help=f"files to rewrite, such as {names}"
     )
-    parser.add_argument("--dry-run", action="store_true", help="only tell what would be rewritten")
+    parser.add_argument(
+        "--dry-run", action="store_true", help="only print which files would be rewritten"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Rewrites the files; none of them if one cannot be."""
+    """Rewrites all given files, or none of them if one cannot be converted."""
     found = [
         (path, migrated(read_text(path, LONGEST), str(path)))
         for path in dict.fromkeys(arguments.files)

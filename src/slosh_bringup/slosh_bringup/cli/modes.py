@@ -39,7 +39,7 @@ columns:
   static     share of the mode in the static height under constant acceleration
   pendulum   length of a pendulum of the same frequency [mm]
   position   height of the sloshing mass above the still surface [mm]
-  force      lateral force per displacement [N/m]
+  force      lateral force on the container per displacement of the sloshing mass [N/m]
   crest      maximum wave height divided by that at the wall; above 1: crest away from the wall"""
 
 

@@ -30,7 +30,7 @@ def likely_words(answer: Plan, likely: LikelyHeights) -> str:
 
 
 def tray_lines(name: str, found: TrayPrediction) -> list[str]:
-    """Describes which container limits the plan, and the heights in the tray's other ones."""
+    """Describes which container limits the plan, and the heights in the other containers."""
     heights = [
         f"{other} {1e3 * each.nonlinear.peak:.2f} of {1e3 * each.limits.height:g} mm"
         for other, each in found.containers.items()

@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints the answer, or writes the page."""
+    """Prints the result of a query, or writes the page about all stored motions."""
     from slosh_replay.fleet.query import query
     from slosh_replay.fleet.store import FleetStore
 

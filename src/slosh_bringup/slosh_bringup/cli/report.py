@@ -1,4 +1,4 @@
-"""`slosh report`: writes a validation report of a container and a motion, and checks one."""
+"""`slosh report`: writes a validation report of a container's motion, or checks a written one."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `slosh report` to the argument parser."""
     parser.epilog = EPILOG
     parser.add_argument(
-        "bags", nargs="*", type=Path, metavar="BAG", help="recording of the motion, one or more"
+        "bags", nargs="*", type=Path, metavar="BAG", help="recordings of the motion, one or more"
     )
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument(
@@ -47,20 +47,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "-o", "--output", type=Path, action="append", metavar="FILE",
-        help="file of the report, .html or .pdf; may be given for each",
+        help="file to write, .html or .pdf; may be given twice, once for each format",
     )  # fmt: skip
     _add_content(parser)
     _add_acceptance(parser)
     add_input_options(parser)
     parser.add_argument(
         "--digest", metavar="SHA256",
-        help="with --verify: digest that was signed, to compare the report's content with",
+        help="with --verify: SHA-256 digest that was signed; the report's content must match it",
     )  # fmt: skip
     parser.add_argument(
         "--data", type=Path, action="append", default=[], metavar="FOLDER",
-        help="with --verify: folder in which files that were moved are looked for by their names",
+        help="with --verify: folder to search by name for files that were moved; may be repeated",
     )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="print the signed content as JSON")
+    parser.add_argument("--json", action="store_true", help="print the report's content as JSON")
 
 
 def _add_content(parser: argparse.ArgumentParser) -> None:
@@ -72,22 +72,27 @@ def _add_content(parser: argparse.ArgumentParser) -> None:
         help="namespace of the cell, for a bag of several cells, e.g. /slosh",
     )  # fmt: skip
     parser.add_argument("--title", help="heading of the report")
-    parser.add_argument("--document", default="", metavar="ID", help="number of the document")
-    parser.add_argument("--motion", default="", metavar="NAME", help="name of the motion")
+    parser.add_argument(
+        "--document", default="", metavar="ID", help="document number to print in the report"
+    )
+    parser.add_argument(
+        "--motion", default="", metavar="NAME", help="name of the motion to print in the report"
+    )
     parser.add_argument(
         "--issued", type=_date, metavar="YYYY-MM-DD",
         help="date of issue (default: a line to fill in by hand)",
     )  # fmt: skip
     parser.add_argument(
         "--signature", action="append", metavar="ROLE[=NAME]",
-        help="line to be signed by hand; may be repeated (default: three roles)",
+        help="line for a handwritten signature; may be repeated (default: prepared by, checked "
+        "by, approved by)",
     )  # fmt: skip
 
 
 def _add_acceptance(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--limit", type=HEIGHT, metavar="M",
-        help="greatest accepted measured height (default: the limit in force while recording)",
+        help="greatest accepted measured height (default: the monitor's limit while recording)",
     )  # fmt: skip
     parser.add_argument(
         "--max-mae", type=ERROR, metavar="M",
@@ -100,18 +105,18 @@ def _add_acceptance(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--max-spread", type=HEIGHT, metavar="M",
-        help="greatest accepted spread of a motion's highest height over the bags (default: not "
-        "judged)",
+        help="greatest accepted difference of a motion's peak heights in the bags [m] (default: "
+        "not judged)",
     )  # fmt: skip
     parser.add_argument(
         "--uncertainty", type=ERROR, default=0.0, metavar="M",
-        help="standard uncertainty of the measurement beside the camera's stated one, e.g. of "
-        "its calibration (default 0)",
+        help="standard uncertainty of the measured heights in addition to the one that the camera "
+        "states, e.g. of its calibration (default 0)",
     )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Writes a validation report, or checks one."""
+    """Writes a validation report, or checks an existing one for later changes."""
     return _verify(arguments) if arguments.verify else _write(arguments)
 
 
@@ -166,7 +171,7 @@ def _file(output: Path, found: Assembled) -> bytes:
 
 
 def _check_outputs(outputs: list[Path], arguments: argparse.Namespace) -> None:
-    """Raises an error if an output has another ending, or would overwrite an input."""
+    """Raises an error if an output has an unknown suffix or would overwrite an input."""
     from slosh_bag.mcap_files.bag_folder import files_of
 
     for output in outputs:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from slosh_bag.mcap_files.remote_path import is_url
 from slosh_bag.store.motion_ingest import PARAMETER as MOTIONS
 from slosh_base.files.errors import SloshFileError
 from slosh_base.files.file_version import CELL, read_versioned
@@ -76,7 +77,7 @@ class CellSetup:
 
     @property
     def camera_nodes(self) -> dict[str, str]:
-        """Names of the nodes of further cameras, by the name of the container."""
+        """Names of the nodes of further cameras, by container name."""
         return {container: f"camera_{container}" for container in self.cameras}
 
     def processes(self, bag: Path) -> list[NodeProcess]:
@@ -185,14 +186,14 @@ def _one_of(source: YamlDocument, key: str, known: Sequence[str]) -> str:
 
 
 def _store(source: YamlDocument) -> str:
-    """Returns the store that the cell file names; a folder is relative to the file."""
+    """Returns the fleet store named in the cell file; a folder is relative to that file."""
     value = source.value.get(MOTIONS, "")
     if not isinstance(value, str) or "\0" in value:
         raise SloshBringupError(
             f"{source.at(MOTIONS)} = {shown(value)} must be a folder or a URL, such as "
             "s3://bucket/motions"
         )
-    if not value or "://" in value:
+    if not value or is_url(value):
         return value
     return str((Path(source.source).parent / value).resolve())
 
@@ -206,7 +207,7 @@ def _flag(source: YamlDocument, key: str) -> bool:
 
 
 def _hardware_id(source: YamlDocument) -> str:
-    """Returns the cell's name or serial number for diagnostics; empty: none is given."""
+    """Returns the cell's name or serial number for diagnostics; empty if the file has none."""
     value = source.value.get("hardware_id", "")
     if isinstance(value, bool) or not isinstance(value, str | int):
         raise SloshBringupError(f"{source.at('hardware_id')} = {shown(value)} must be a text")

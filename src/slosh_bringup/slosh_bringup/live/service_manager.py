@@ -1,4 +1,4 @@
-"""Tells systemd how a cell is that it runs as a service: ready, alive, ending (sd_notify(3))."""
+"""Reports to systemd that a cell, run as a service, is ready, alive or stopping (sd_notify(3))."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PERIOD = 1.0
 
 
 class ServiceManager:
-    """Connection to the service manager; does nothing where none has started this process.
+    """Connection to systemd; does nothing if systemd has not started this process.
 
     Args:
         environment: variables of this process; the socket's name is taken out of them, since nodes
@@ -31,7 +31,7 @@ class ServiceManager:
         self._told = 0.0
 
     def look(self, *, is_ready: bool, status: str) -> None:
-        """Tells once that the cell is ready, and once a second that this process is alive.
+        """Reports once that the cell is ready, and once a second that this process is alive.
 
         Args:
             is_ready: whether all nodes have been ready.
@@ -48,7 +48,7 @@ class ServiceManager:
         self._tell(lines)
 
     def stopping(self) -> None:
-        """Tells that the cell ends; from then on nobody waits for signs of life."""
+        """Reports that the cell is stopping, which ends systemd's watchdog."""
         self._tell(["STOPPING=1", "STATUS=stopping the nodes, writing the report"])
 
     def _tell(self, lines: list[str]) -> None:

@@ -53,7 +53,7 @@ GREY = (0.55, 0.58, 0.62)
 
 
 class MarkersNode(PolledNode):
-    """Node that shows the surface as the nonlinear model has it, in the container's frame."""
+    """Node that publishes the nonlinear model's liquid surface as markers for 3D views."""
 
     def __init__(self) -> None:
         super().__init__("markers")
@@ -97,7 +97,7 @@ class MarkersNode(PolledNode):
         try:
             start = node_start(message, time.time_ns(), topics.SETTINGS)
             if start.node == "monitor":
-                limits = MonitorSettings.from_told(start.parameters).limits
+                limits = MonitorSettings.from_partial(start.parameters).limits
                 self._limit = float(np.fmin(limits[Source.MEASURED], limits[Source.ESTIMATED]))
             elif start.node == "estimator":
                 self._take_model(model_of(start))
@@ -121,7 +121,7 @@ class MarkersNode(PolledNode):
         self._model = model
 
     def _markers(self, estimate: SloshEstimate, mesh: SurfaceMesh) -> MarkerArray:
-        """Returns the markers of an estimate; those that delete all where nothing is known."""
+        """Creates an estimate's markers, or one that deletes all if the surface is unknown."""
         found = estimate.nonlinear
         heights = mesh.heights(found.sh_x, found.sh_y)
         if self._is_empty or not np.isfinite([found.msh, found.azimuth, *heights]).all():
@@ -137,7 +137,7 @@ class MarkersNode(PolledNode):
         return MarkerArray(markers=[surface, crest, self._ring(estimate, mesh, 0.15 * size)])
 
     def _ring(self, estimate: SloshEstimate, mesh: SurfaceMesh, width: float) -> Marker:
-        """Returns the line along the wall at the limit's height; no limit: none."""
+        """Creates the line along the wall at the limit's height; without a limit it is deleted."""
         limit = self._limit if math.isnan(self._own_limit) else self._own_limit
         ring = self._marker(estimate, LIMIT, Marker.LINE_STRIP, (width, 0.0, 0.0), 1.0)
         if math.isnan(limit):
@@ -177,7 +177,7 @@ class MarkersNode(PolledNode):
 
 
 def points_of(places: Array) -> list[Any]:
-    """Converts places (N, 3) [m] to points of a message."""
+    """Converts positions (N, 3) [m] to point messages."""
     return [Point(x=x, y=y, z=z) for x, y, z in places.tolist()]
 
 

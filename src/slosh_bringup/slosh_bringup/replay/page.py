@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 from slosh_bag.reader import BagReader
 from slosh_base.files import write_text
 from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.replay.containers import further_containers
 from slosh_bringup.replay.frames import bag_pictures, bag_topics
 from slosh_replay.in_force import described, in_force, last_starts, parameter_changes
 from slosh_replay.recorded_run import RecordedRun
@@ -85,7 +86,8 @@ def make_report(run: RecordedRun, result: ReplayResult, around: Surroundings) ->
     notes = (*event_lines(run.facts, start_ns), *parameter_changes(run, start_ns))
     around = replace(around, facts=(*around.facts, *planned), notes=(*around.notes, *notes))
     pictures, topics = bag_pictures(run, result), bag_topics(run, result.seconds)
-    return replay_report(result, replace(around, frames=pictures, topics=topics))
+    report = replay_report(result, replace(around, frames=pictures, topics=topics))
+    return replace(report, further=further_containers(run, result))
 
 
 class PredictedMotion(NamedTuple):

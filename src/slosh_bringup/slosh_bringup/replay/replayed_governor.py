@@ -1,4 +1,4 @@
-"""Replays the governor node step by step, from the commands and fused estimates that it took."""
+"""Replays the governor node step by step, with the commands and fused estimates that it used."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _FIELDS = (
 
 
 class _FromTheStart:
-    """Selects the recorded governor steps that follow its start without a gap."""
+    """Selects the recorded steps that follow the governor's start without a gap."""
 
     def __init__(self) -> None:
         self._last = -1
@@ -143,7 +143,7 @@ class ReplayedGovernor:
         return {GOVERNED_MOTION: _messages(moved)} if moved else {}
 
     def _begin(self, step: _Step) -> None:
-        """Creates the governor at a start of its process, or where it began anew."""
+        """Creates the governor with the recorded settings that were in effect at a step."""
         while self._starts and self._starts[0].stamp_ns <= step.stamp_ns:
             self._start = self._starts.popleft()
             if self._starts and not self._starts[0].stamp_ns:

@@ -126,7 +126,7 @@ def _by_outline(task: _Task) -> StillFit | None:
 
 
 def _sound(fit: PlaceFit | None, task: _Task) -> StillFit | None:
-    """Returns the result of a fit at a known level, or None if the fit is faulty."""
+    """Returns the result of a fit at a known liquid level, or None if the fit is faulty."""
     if fit is None:
         return None
     answer = still_fit(fit, task.camera, task.azimuth)

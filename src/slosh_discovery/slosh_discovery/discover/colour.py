@@ -136,7 +136,7 @@ class Whitening:
         return score, root
 
     def undone(self, white: Array) -> Array:
-        """Returns the values (N,) [m] that belong to whitened values: the inverse of `applied`."""
+        """Converts whitened values back to values (N,) [m]; the inverse of `applied`."""
         surprise = self.spread * white
         brought = self.memory * (self.gain * surprise)[self.before]
         order = _series_order(self.before) if self.order is None else self.order
@@ -196,7 +196,7 @@ def _series_order(before: Places) -> Places:
 
 
 def neighbours_in(t: Array, kept: NDArray[np.bool_]) -> Neighbours:
-    """Finds the preceding sample of each height that is used from one motion.
+    """Finds the preceding sample of each used height of one motion.
 
     Args:
         t: (M,) times of the heights [s].

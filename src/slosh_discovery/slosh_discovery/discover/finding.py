@@ -212,7 +212,7 @@ class MotionFinding:
 
 @dataclass(frozen=True, slots=True)
 class WhereRow:
-    """Residuals before and after the discovery in one part of the data.
+    """Residuals before and after the discovery in one part of the data, such as a time range.
 
     Attributes:
         by: "phase", "time", "amplitude", "direction", "frequency" or "input".

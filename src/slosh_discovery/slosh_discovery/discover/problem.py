@@ -71,7 +71,7 @@ class SharedNoise:
         return self._scaled(values, 1.0 / np.sqrt(1.0 + self.variances) - 1.0)
 
     def added(self, white: Array) -> Array:
-        """Returns the values that belong to whitened ones: the inverse of `removed`."""
+        """Converts whitened values back; the inverse of `removed`."""
         return self._scaled(white, np.sqrt(1.0 + self.variances) - 1.0)
 
     def expected(self, values: Array) -> Array:
@@ -186,7 +186,7 @@ class PreparedMotion:
         return float(np.sqrt(np.mean(np.sum(self.driven[self.kept] ** 2, axis=1))))
 
     def in_metres(self, residual: Array) -> Array:
-        """Returns differences (N,) [m] from whitened ones: the inverse of `in_noises`."""
+        """Converts whitened differences back to (N,) [m]; the inverse of `in_noises`."""
         return self._undone(residual if self._shared is None else self._shared.added(residual))
 
     def _undone(self, white: Array) -> Array:
@@ -263,7 +263,7 @@ class Answer:
 
 
 def simulate_all(pairs: Sequence[tuple[Model, PreparedMotion]]) -> list[Answer | None]:
-    """Returns the response of each model to its motion."""
+    """Simulates pairs of model and motion; returns the response of each pair."""
     if not pairs:
         return []
     inputs = [motion.inputs_for(model) for model, motion in pairs]

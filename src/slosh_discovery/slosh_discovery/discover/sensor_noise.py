@@ -118,7 +118,7 @@ class _Part:
 
 @dataclass(frozen=True, slots=True)
 class _Shape:
-    """Correlation and jitter ratio of a noise, independent of its size.
+    """Autocorrelation of a noise, and the ratio of its part from time jitter to the rest.
 
     Attributes:
         correlation: of the part that remembers, between neighbouring samples.
@@ -129,7 +129,7 @@ class _Shape:
     ratio: float
 
     def near(self, other: _Shape) -> bool:
-        """Returns whether both noises have practically the same correlation and jitter ratio."""
+        """Returns whether two noises have practically the same correlation and jitter ratio."""
         sizes = math.sqrt(self.ratio), math.sqrt(other.ratio)
         return abs(self.correlation - other.correlation) < TUNING.steady and (
             abs(sizes[0] - sizes[1]) <= TUNING.steady * max(sizes)
@@ -317,7 +317,7 @@ def _likelihood(parts: Sequence[_Part], shape: _Shape) -> tuple[float, float]:
 
 
 def _likelihood_above(parts: Sequence[_Part], shape: _Shape) -> tuple[float, float]:
-    """Returns log likelihood and likeliest size [m] of a noise, above the liquid's frequencies."""
+    """Returns log likelihood and size [m] of the noise above the liquid's frequencies."""
     degrees, square, volume = 0, 0.0, 0.0
     for part in parts:
         whitening = _whitening(part, shape)

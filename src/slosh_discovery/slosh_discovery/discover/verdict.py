@@ -233,7 +233,7 @@ def _without_mean(heights: Array) -> Array:
 
 
 def trust_in(before: Leftover, after: Leftover) -> float:
-    """Returns the probability that a listed physical effect is the cause, from the error left.
+    """Returns the probability that a listed effect is the cause, given the remaining error.
 
     Also where what is left is little beside the noise: of a small gap it may be a large part, and
     a law that is nearly the right one leaves no more.
@@ -309,7 +309,7 @@ def other_frequency(base: Fit, motions: Sequence[PreparedMotion]) -> OtherFreque
 
 
 def _unlike(base: Fit, motions: Sequence[PreparedMotion], factor: float) -> float:
-    """Returns the fraction of the heights' power outside the waves of a scaled frequency."""
+    """Returns the fraction of the heights' power unexplained with a scaled natural frequency."""
     models = [
         base.model_of(one.motion.group).with_effect(EFFECT, factor=factor) for one in motions
     ]

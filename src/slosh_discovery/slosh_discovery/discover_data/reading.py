@@ -126,7 +126,7 @@ def day_motions(
 
 
 def _is_of_event(path: Path) -> bool:
-    """Returns whether a path is a bag that the recorder wrote around an event; it may be cut."""
+    """Returns whether a path is an event bag, which may begin or end within a motion."""
     if has_event_name(path) or has_event_name(path.parent):
         return True
     try:

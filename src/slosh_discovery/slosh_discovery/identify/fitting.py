@@ -242,7 +242,7 @@ def _spread(scores: Array, lags: int) -> Array:
 
 
 def _scatter(problem: Problem, scores: Array, inverse: Array, covariance: Array) -> float:
-    """Returns the scatter of parameters between motions divided by the expected; at least 1.
+    """Returns the parameters' scatter between motions divided by the expected one; at least 1.
 
     Each motion's score says where it would draw the parameters; their scatter is compared with
     the covariance, the parameters taken together.

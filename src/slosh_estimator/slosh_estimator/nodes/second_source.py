@@ -38,7 +38,7 @@ CHOICES = (AUTO, NONE, *SENSORS, *MOTIONS)
 
 
 class SecondSource:
-    """Receives a second source of the motion, if there is one, and compares it.
+    """Receives a second source of the motion, if there is one, and compares it with the input.
 
     Args:
         node: the node.
@@ -96,7 +96,7 @@ class SecondSource:
                 self._watch.take_motion(one.stamp_ns, (one.ax, one.ay, one.az), one.pose)
 
     def look(self) -> tuple[str, str]:
-        """Returns what is wrong with the input and with the second source, if anything."""
+        """Returns the faults of the input and of the second source, if there are any."""
         if self._subscription is None:
             self._choose()
             return "", ""

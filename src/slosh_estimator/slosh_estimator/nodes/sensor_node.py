@@ -110,7 +110,7 @@ class SensorNode(GuardedNode):
         self.create_subscription(UNSTAMPED[kind], unstamped, on_unstamped, qos.STREAM_IN)
 
     def _on_settings(self, message: NodeSettings) -> None:
-        """Uses the estimator's model, each time that the estimator has loaded another one."""
+        """Takes over the estimator's model at first and after each change."""
         model = announced_model(message)
         if model is None or model == self._model:
             return

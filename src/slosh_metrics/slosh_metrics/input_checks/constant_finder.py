@@ -91,7 +91,7 @@ class ConstantFinder:
         return reached >= 0.5 * TOP_SPEED and rest <= 0.25 * left * self._time
 
     def memory(self, base: int) -> list[float]:
-        """Returns the state as numbers; bin numbers are relative to `base`."""
+        """Returns the state as numbers for `take_up`; time bins are counted from `base`."""
         last = float(self._last - base) if self._time else math.nan
         earlier = self._earlier or (math.nan,) * 3
         own = [*self._speed, self._time, last, *earlier, float(self._departed), *self.bias]

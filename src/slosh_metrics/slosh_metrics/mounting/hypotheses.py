@@ -111,7 +111,7 @@ def _solved(side: Side, told: Array, start: float, handed: float) -> Answer:
 
 
 def unmirrored(rotation: Array, told: Array) -> Array:
-    """Returns a mirrored mounting with the one axis reversed that leaves the least rotation.
+    """Reverses that axis of a mirrored mounting which leaves the smallest rotation.
 
     Args:
         rotation: (3, 3) of determinant -1, sensor ← container.

@@ -129,7 +129,7 @@ def _half(outline: Sequence[Piece], turned: bool, scale: float) -> list[Side]:
 
 
 def _quarter(half: Sequence[Side]) -> list[Side]:
-    """Returns the quarter of an outline to the right of the half's middle."""
+    """Returns a quarter of a doubly symmetric outline: the right part of a half of it."""
     wall = []
     for side in half[:-1]:
         cuts = side.piece.shares_at(0.0, 0)

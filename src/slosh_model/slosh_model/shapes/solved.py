@@ -228,7 +228,7 @@ def _neighbours(
 
 
 def _alike(rows: Sequence[tuple[ModeNumbers, ...]]) -> list[tuple[ModeNumbers, ...]]:
-    """Returns the modes along each axis up to the first whose shape differs between rows.
+    """Returns the modes whose order along their axis is the same at all tabulated fill heights.
 
     Modes in order of frequency change places as the fill height changes.
     """

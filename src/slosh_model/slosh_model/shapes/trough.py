@@ -121,7 +121,7 @@ class TroughContainer(ProfiledContainer):
 
     @property
     def linear_height(self) -> float:
-        """Height above which waves are nonlinear [m]: too steep, or on a sloping wall."""
+        """Wave height [m] above which the linear model fails: too steep, or on a sloping wall."""
         fastest = max(self.natural_frequency(1, axis) for axis in (X_AXIS, Y_AXIS))
         slope = abs(self.widening)
         return min(
@@ -131,7 +131,7 @@ class TroughContainer(ProfiledContainer):
         )
 
     def side_view(self, axis: int = X_AXIS) -> Array:
-        """Returns half of a rectangle of its length along x, or of its section along y [m]."""
+        """Returns half of the side view [m]: a rectangle along x, the cross-section along y."""
         if axis == X_AXIS:
             return Container.side_view(self, axis)
         return super(TroughContainer, self).side_view(axis)

@@ -1,4 +1,4 @@
-"""Name or serial number of a cell in the diagnostics of its nodes; knows nothing of ROS."""
+"""Name or serial number of a cell for the diagnostics of its nodes; does not import ROS."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ HARDWARE_ID: Final = "SLOSH_HARDWARE_ID"
 
 
 def hardware_id(namespace: str, given: str) -> str:
-    """Returns what stands for the cell in diagnostics: the given text, or the cell's namespace.
+    """Returns the hardware_id of diagnostics: the given text, or else the cell's namespace.
 
     >>> hardware_id("/line_1/slosh", ""), hardware_id("/slosh", "SN 42")
     ('line_1/slosh', 'SN 42')

@@ -97,7 +97,7 @@ class StrokeHeights:
     jerk: float
 
     def excess(self, limits: PlanLimits) -> float:
-        """Returns the largest relative excess over a limit; up to 0 if all limits are kept."""
+        """Returns the largest relative excess over a limit; at most 0 if all limits are kept."""
         names = ("acceleration", "jerk", "residual")
         used = [getattr(self, name) / getattr(limits, name) for name in names]
         return float(max(self.peak / limits.height, *used)) - 1.0

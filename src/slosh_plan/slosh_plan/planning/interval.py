@@ -75,7 +75,7 @@ class StateLayout:
 
     @property
     def control_scale(self) -> Array:
-        """Scale (driven,) of the third derivatives."""
+        """Scale (driven,) of the controls, so that the solver's numbers are about 1."""
         return np.array([50.0, *([100.0] * (self.driven - 1))])
 
     @property
@@ -109,7 +109,7 @@ class Interval:
 
     @property
     def curve(self) -> int:
-        """Number of columns of joint demands that are interpolated along a leg of the path."""
+        """Number of quantities that are interpolated along a leg for the limits of the joints."""
         return CURVE if self.joints is None else self.joints.width
 
     @property

@@ -38,7 +38,7 @@ class JointDemands:
 
     @property
     def width(self) -> int:
-        """Number of columns of joint demands that are interpolated along a leg of the path."""
+        """Number of quantities that are interpolated along a leg for the limits of the joints."""
         count = len(self.limits.names)
         return CURVE + TURN + ORDERS * count * (2 if self.torques else 1)
 

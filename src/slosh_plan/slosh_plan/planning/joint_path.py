@@ -67,7 +67,7 @@ class JointLeg(Leg):
         return found.reshape(len(s), 3, -1)
 
     def lean(self) -> tuple[float, float]:
-        """Gravity along the container's floor at rest at the start of the leg [m/s²]."""
+        """Gravity's component along the container's floor, at rest at the leg's start [m/s²]."""
         x, y, _ = GRAVITY * self._liquid_axes(np.zeros(1))[0, :, 2]
         return float(x), float(y)
 

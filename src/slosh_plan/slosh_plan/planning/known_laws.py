@@ -243,7 +243,7 @@ PACES: Mapping[str, Pace] = MappingProxyType(
 
 @dataclass(frozen=True)
 class PacedLeg:
-    """A leg whose path is parameterised from 0 to 1 by a rule for the speed.
+    """A leg of a path that is run more slowly where the path is strongly curved.
 
     Attributes:
         leg: the leg.

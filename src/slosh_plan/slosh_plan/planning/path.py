@@ -55,7 +55,7 @@ class Leg:
         return tuple(np.asarray(spline(inside)) for spline in self.derivatives[: orders + 1])
 
     def lean(self) -> tuple[float, float]:
-        """Gravity along the container's floor at rest at the start of the leg [m/s²]."""
+        """Gravity's component along the container's floor, at rest at the leg's start [m/s²]."""
         return 0.0, 0.0
 
     def columns(self, s: Array) -> Array:

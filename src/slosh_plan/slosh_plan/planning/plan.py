@@ -193,7 +193,7 @@ def demanded(
 
 
 def distance_to_rim(model: Model, found: CheckedMotion) -> float:
-    """Returns the vertical distance that a motion leaves to the rim [m]; NaN: unknown."""
+    """Returns the vertical distance between a motion's highest liquid and the rim [m], or NaN."""
     return float(model.container.wall.place(found.peak).distance_to_rim)
 
 

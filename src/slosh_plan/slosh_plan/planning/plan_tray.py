@@ -126,7 +126,7 @@ def plan_container(
     watch: Watch | None = None,
     robust: bool = False,
 ) -> TrayPlan:
-    """Plans for a tray or a single container within a time; see `plan` and `plan_tray`.
+    """Plans a motion of a tray or a single container; limits the computing time.
 
     Args:
         tray: a tray, or a model as a tray of one.

@@ -73,7 +73,7 @@ def upper_heights(
 
 
 class RegionFound(NamedTuple):
-    """Result of the search for all likely models.
+    """Result of the search for the fastest motion that is safe with all likely models.
 
     Attributes:
         judged: the motion; None: none keeps the limits.

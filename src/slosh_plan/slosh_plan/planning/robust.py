@@ -129,7 +129,7 @@ def plan_robust(
 
 
 def _known_law(region: RegionSearch, best: Judged | None) -> tuple[Scaled | None, Judged]:
-    """Returns the fastest known law within all likely models' limits, and the best motion.
+    """Returns the fastest standard time law safe for all likely models, and the best motion.
 
     Args:
         region: the search.

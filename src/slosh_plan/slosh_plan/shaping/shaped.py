@@ -132,7 +132,7 @@ def shaped_per_axis(course: PathCourse, chosen: Filter) -> PlannedMotion:
 
 
 def residual_free_motion(course: PathCourse, mode: Damped) -> PlannedMotion:
-    """Returns a motion with equal path and duration whose polynomial leaves no wave.
+    """Returns a motion of equal path and duration whose time law leaves no residual wave.
 
     Raises:
         SloshPlanError: a leg is too short for it.

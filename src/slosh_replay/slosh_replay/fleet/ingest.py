@@ -6,6 +6,7 @@ import hashlib
 from pathlib import Path
 from typing import NamedTuple
 
+from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_folder import bag_files
 from slosh_replay.fleet.motions import motions_of
 from slosh_replay.fleet.store import FleetStore
@@ -53,6 +54,9 @@ def _state(bag: Path) -> str:
     """Returns a digest of the path, sizes and times of a bag's files: it changes with the bag."""
     digest = hashlib.sha256()
     for file in bag_files(bag):
-        found = file.stat()
+        try:
+            found = file.stat()
+        except OSError as error:
+            raise SloshBagError(f"{file}: {error.strerror}") from None
         digest.update(f"{file.resolve()}\n{found.st_size}\n{found.st_mtime_ns}\n".encode())
     return digest.hexdigest()

@@ -19,6 +19,7 @@ from typing import Any, Final, NamedTuple
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.export_sinks import load_pyarrow
+from slosh_bag.mcap_files.remote_path import telling
 from slosh_base.files import write_bytes
 from slosh_replay.fleet.motion_row import COLUMNS, Column, MotionRow
 
@@ -61,17 +62,20 @@ class FleetStore:
     Args:
         url: folder, or what fsspec knows, such as s3://bucket/motions.
 
+    Attributes:
+        url: as given.
+        is_disk: whether it is a folder on a disk of this machine.
+
     Raises:
         SloshBagError: the place's protocol is not known or its library is not installed.
     """
 
     def __init__(self, url: str) -> None:
         self.url = url
-        try:
+        with self._naming():
             core = importlib.import_module("fsspec.core")
             self._files, self._root = core.url_to_fs(url)
-        except (ImportError, ValueError) as error:
-            raise SloshBagError(f"{url}: {' '.join(str(error).split())}") from None
+            self.is_disk = "file" in _protocols(self._files)
 
     def add(self, rows: Sequence[MotionRow]) -> Added:
         """Stores the motions of one bag; those that are stored already are left.
@@ -129,10 +133,10 @@ class FleetStore:
     def _naming(self) -> Iterator[None]:
         """Turns an error of the file system into one line that names the store."""
         try:
-            yield
+            with telling(self.url):
+                yield
         except OSError as error:
-            reason = error.strerror or " ".join(str(error).split())
-            raise SloshBagError(f"{self.url}: {reason}") from None
+            raise SloshBagError(f"{self.url}: {error.strerror}") from None
 
     def dataset(self) -> Any:
         """Returns all stored motions as a pyarrow dataset; the same motion may be in it twice.
@@ -173,16 +177,18 @@ class FleetStore:
         arrow, _ = load_pyarrow()
         dataset = importlib.import_module("pyarrow.dataset")
         folders = arrow.schema([("cell", arrow.string()), ("month", arrow.string())])
+        # Arrow reads a disk by itself: through fsspec it would wait for Python at each piece.
+        files = None if self.is_disk else self._files
         with self._naming():
             return dataset.dataset(
-                paths, filesystem=self._files, format="parquet",
+                paths, filesystem=files, format="parquet",
                 schema=arrow.schema([*_schema(arrow), *folders]),
                 partitioning=dataset.partitioning(folders, flavor="hive"),
             )  # fmt: skip
 
     def _put(self, path: str, data: bytes) -> None:
         """Writes a file as a whole: by its rename on a disk, by one request elsewhere."""
-        if "file" in _protocols(self._files):
+        if self.is_disk:
             _write(Path(path), data)
         else:
             self._files.makedirs(path.rpartition("/")[0], exist_ok=True)

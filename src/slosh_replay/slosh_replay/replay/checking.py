@@ -188,7 +188,7 @@ def _further(result: ReplayResult, tolerance: float | None) -> list[Point]:
 
 
 def is_reproduced(found: Verification, tolerance: float = 0.0) -> bool:
-    """Returns whether a replay gave the recorded messages again.
+    """Returns whether a replay reproduced the recorded messages.
 
     Args:
         found: the comparison.

@@ -142,13 +142,13 @@ def report_start(result: ReplayResult) -> int:
 
 
 def recorded_at(result: ReplayResult) -> str:
-    """Returns date and time of time zero on the report's page as text, UTC."""
+    """Returns the date and time (UTC) of time zero of the report's page, as text."""
     start = datetime.fromtimestamp(1e-9 * report_start(result), UTC)
     return f"{start:%Y-%m-%d %H:%M:%S} UTC"
 
 
 def highest(heights: Array) -> float:
-    """Returns the greatest known height [m]; NaN if none is known."""
+    """Returns the greatest of the known heights [m], or NaN if none is known."""
     known = heights[np.isfinite(heights)]
     return float(known.max()) if len(known) else NAN
 
@@ -183,7 +183,7 @@ def event_spans(events: Sequence[Event], start: int) -> tuple[ExcessSpan, ...]:
 
 
 def _shown(result: ReplayResult) -> slice:
-    """Returns the range of images near estimates; a recording may be much longer."""
+    """Returns the range of images that have estimates nearby; a recording may be much longer."""
     known = [np.flatnonzero(np.isfinite(heights)) for heights in result.heights.values()]
     indices = np.concatenate(known) if known else np.empty(0, dtype=np.int64)
     if len(indices) == 0:

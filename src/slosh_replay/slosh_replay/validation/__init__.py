@@ -1,1 +1,1 @@
-"""Judges recordings of one container and motion for a validation report; checks such a report."""
+"""Judges recordings of one container and motion for a validation report, and checks reports."""

@@ -1,4 +1,4 @@
-"""Makes a validation report of recordings of one container and motion."""
+"""Creates the validation report of recordings of one container and motion."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ LEAST = 1e-9  # m; a radius written to ten digits
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """What a validation report is ordered with.
+    """Contents and acceptance criteria that the user chooses for a validation report.
 
     Attributes:
         names: of the recordings.
@@ -83,14 +83,14 @@ class Order:
 
 
 class Assembled(NamedTuple):
-    """A validation report, and the reports of the replays that its charts show."""
+    """A validation report, and the replay reports whose charts it contains."""
 
     report: ValidationReport
     runs: tuple[RunReport, ...]
 
 
 class _Replayed(NamedTuple):
-    """A recording with its replay, its page's report and what it proves."""
+    """A recording with its replay, the replay's report and the evidence from both."""
 
     run: RecordedRun
     result: ReplayResult
@@ -101,7 +101,7 @@ class _Replayed(NamedTuple):
 def assemble(
     bags: Sequence[Path], order: Order, told: Callable[[], object] = lambda: None
 ) -> Assembled:
-    """Replays recordings and makes their validation report.
+    """Replays recordings and creates their validation report.
 
     Args:
         bags: at least one; folders or files.
@@ -173,7 +173,7 @@ def _recorded_model(run: RecordedRun) -> Model | None:
 
 
 def _check_container(run: RecordedRun, container: Container, source: str) -> None:
-    """Raises an error if a recording is of another container than the given model."""
+    """Raises an error if a recording's container differs from the given model's."""
     recorded = _recorded_model(run)
     if recorded is not None and not _same(recorded.container, container):
         raise SloshBagError(
@@ -214,7 +214,7 @@ def _told(container: Container) -> str:
 
 
 def _one_container(found: Sequence[_Replayed]) -> Model:
-    """Returns the model of the first recording.
+    """Returns the first recording's model; raises an error if the containers differ.
 
     Raises:
         SloshBagError: the recordings are of different containers, or a replay had no model.
@@ -251,7 +251,7 @@ def _other_models(found: Sequence[_Replayed], model: Model) -> list[str]:
 def repeatability(
     recordings: Sequence[Recording],
 ) -> tuple[tuple[Repeatability, ...], str]:
-    """Returns the spread of each motion over several recordings, or why there is none.
+    """Computes the spread of each motion's peak over several recordings, or says why it cannot.
 
     Args:
         recordings: their data and results.

@@ -1,4 +1,4 @@
-"""Acceptance criteria of a validation report, judged with the measurement's uncertainty."""
+"""Judges recordings by acceptance criteria, with regard to the measurement's uncertainty."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ COVERAGE: Final = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Acceptance:
-    """Greatest accepted values; None: not judged.
+    """Greatest accepted values of a validation report; a quantity with None is not judged.
 
     Attributes:
         height: of the measured height [m]; None: the limit in force while recording.
@@ -34,7 +34,7 @@ class Acceptance:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """A recording with what decides whether it can prove anything.
+    """Results of a recording, and the reason why it may be unable to prove anything.
 
     Attributes:
         recording: its data and results.
@@ -50,7 +50,7 @@ class Evidence:
 
 
 def judge(value: float, uncertainty: float, limit: float) -> Verdict:
-    """Judges a value against its greatest accepted one.
+    """Judges whether a value is at most the greatest accepted one.
 
     It passes if the whole interval value ± uncertainty is accepted, fails if nothing of it is,
     and is undecided otherwise, and wherever one of the numbers is unknown (NaN).
@@ -65,7 +65,7 @@ def judge(value: float, uncertainty: float, limit: float) -> Verdict:
 def criteria_of(
     evidence: Sequence[Evidence], repeats: Sequence[Repeatability], acceptance: Acceptance
 ) -> tuple[Criterion, ...]:
-    """Judges recordings by all criteria that apply, in the order of a report.
+    """Judges recordings by all criteria that apply, and returns these in the report's order.
 
     Args:
         evidence: the recordings.
@@ -104,7 +104,7 @@ def _height(one: Evidence, acceptance: Acceptance) -> Criterion:
 
 
 def _error(one: Evidence, limit: float) -> Criterion:
-    """Judges the mean absolute error.
+    """Judges the mean absolute error of the nonlinear model.
 
     Errors of neighbouring images are alike, so the mean is no more certain than one image.
     """
@@ -119,7 +119,7 @@ def _error(one: Evidence, limit: float) -> Criterion:
 
 
 def _epsilon(one: Evidence, limit: float) -> Criterion:
-    """Judges |ε| = |estimated − measured| / measured, both of the greatest height."""
+    """Judges the relative error |ε| = |estimated − measured| / measured of the greatest height."""
     recording, peak = one.recording, one.recording.peak
     row = recording.models[-1] if recording.models else None
     value = NAN if row is None else abs(row.epsilon)
@@ -140,7 +140,7 @@ def _unknown(value: float, uncertainty: float, verdict: Verdict) -> str:
 
 
 def _data(one: Recording) -> tuple[Criterion, Criterion]:
-    """Judges whether the data are complete and give the recorded estimates again."""
+    """Judges whether no message was lost and whether the replay reproduced the estimates."""
     missing = float(one.lost + one.dropped)
     complete = Criterion(
         "messages lost or dropped", one.name, missing, 0.0, 0.0, "", judge(missing, 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""Reads from one recording and its replay what a validation report says of it."""
+"""Extracts the results for a validation report from a recording and its replay."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _QUANTITIES = {
 
 
 class Noise(NamedTuple):
-    """Standard deviations of the measured heights, as the camera node stated them.
+    """Standard deviations of the measured heights, as published by the camera node.
 
     Attributes:
         stamps: (N,) of the images, rising [ns].
@@ -51,13 +51,13 @@ class Noise(NamedTuple):
 
     @property
     def mean(self) -> float:
-        """Mean standard uncertainty of a height [m]; NaN: unknown."""
+        """Mean standard uncertainty of a measured height [m], or NaN if it is unknown."""
         known = self.stddev[np.isfinite(self.stddev)]
         own = float(known.mean()) if len(known) else NAN
         return self._with_further(own)
 
     def expanded(self, stamp_ns: int) -> float:
-        """Returns the expanded uncertainty of the height in one image [m]; NaN: unknown."""
+        """Returns the expanded uncertainty of one image's height [m], or NaN if it is unknown."""
         place = int(np.searchsorted(self.stamps, stamp_ns))
         there = place < len(self.stamps) and self.stamps[place] == stamp_ns
         own = float(self.stddev[place]) if there else NAN
@@ -70,7 +70,7 @@ class Noise(NamedTuple):
 
 
 def read_noise(run: RecordedRun, cell: str | None, further: float) -> Noise:
-    """Reads the standard deviations of the measured heights in a recording.
+    """Reads the standard deviations of the measured heights from a recording.
 
     Args:
         run: the recording.
@@ -95,7 +95,7 @@ def read_noise(run: RecordedRun, cell: str | None, further: float) -> Noise:
 def evidence_of(
     run: RecordedRun, result: ReplayResult, report: RunReport, noise: Noise, *, same_model: bool
 ) -> Evidence:
-    """Returns data, results and doubts of a recording.
+    """Returns the data and results of a recording, and why it may be unable to prove them.
 
     Args:
         run: the recording.
@@ -133,13 +133,13 @@ def evidence_of(
 
 
 def watched(result: ReplayResult) -> Sequence[MonitorSettings]:
-    """Returns all settings of the monitor in a recording, in order."""
+    """Returns the monitor's settings at the start of a recording and after each change."""
     first = [result.limits] if result.limits else []
     return [*first, *(settings for _, settings in result.limit_changes)]
 
 
 def limits_of(run: RecordedRun, result: ReplayResult) -> tuple[LimitInForce, ...]:
-    """Returns the limits that were in force in a recording, and where each came from."""
+    """Returns the limits that were in force during a recording, each with its origin."""
     told = latest(run.starts, "monitor") is not None
     names = dict(zip((Source.MEASURED, Source.ESTIMATED), HEIGHT_LIMITS, strict=True))
     rows: dict[LimitInForce, None] = {}
@@ -158,19 +158,19 @@ def limits_of(run: RecordedRun, result: ReplayResult) -> tuple[LimitInForce, ...
 
 
 def deviations_of(run: RecordedRun, result: ReplayResult) -> tuple[str, ...]:
-    """Returns what was not as planned in a recording, one line each."""
+    """Returns warnings, events and parameter changes of a recording, one line each."""
     start = report_start(result)
     lines = (*result.warnings, *event_lines(run.facts, start), *parameter_changes(run, start))
     return tuple(dict.fromkeys(_named(line, run, result.name) for line in lines))
 
 
 def _named(line: str, run: RecordedRun, name: str) -> str:
-    """Returns a line that begins with the recording's name instead of its path."""
+    """Replaces a recording's path at the beginning of a line by the recording's name."""
     return f"{name}: {line.removeprefix(f'{run.path}: ')}"
 
 
 def _peak(result: ReplayResult, noise: Noise, start: float, end: float) -> Peak:
-    """Returns the greatest measured height of a span on the measured clock [s]."""
+    """Returns the greatest measured height between two times of the measurement [s]."""
     t = result.t
     inside = np.flatnonzero((t >= start) & (t <= end) & np.isfinite(result.measured))
     if not len(inside):
@@ -181,7 +181,7 @@ def _peak(result: ReplayResult, noise: Noise, start: float, end: float) -> Peak:
 
 
 def _motion_peak(result: ReplayResult, noise: Noise, motion: MotionAccuracy) -> Peak:
-    """Returns the peak of a motion with the height of the report, which has no spikes."""
+    """Returns a motion's greatest height as in the replay report, which ignores single spikes."""
     at = np.flatnonzero((result.measured == motion.peak) & (result.t >= motion.start))
     uncertainty = noise.expanded(int(result.stamps[at[0]])) if len(at) else NAN
     whole = _peak(result, noise, motion.start, motion.end)
@@ -189,7 +189,7 @@ def _motion_peak(result: ReplayResult, noise: Noise, motion: MotionAccuracy) -> 
 
 
 def _reproduced(found: Verification | None) -> int:
-    """Returns how many recorded estimates came out again."""
+    """Returns the number of recorded estimates that the replay reproduced."""
     if found is None:
         return 0
     return found.recorded + found.missing if is_reproduced(found) else found.identical
@@ -201,7 +201,7 @@ def _flags(result: ReplayResult) -> tuple[tuple[str, int], ...]:
 
 
 def _doubt(run: RecordedRun, result: ReplayResult, recording: Recording) -> str:
-    """Returns why a recording cannot show that a height was kept; empty: it can."""
+    """Returns why a recording cannot prove that a limit was not exceeded; empty if it can."""
     if result.limits is not None and not result.limits.camera:
         return "the cell had no camera: nothing was measured"
     if math.isnan(recording.peak.height):

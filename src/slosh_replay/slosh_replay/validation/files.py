@@ -1,4 +1,4 @@
-"""Digests of the files that a validation report names."""
+"""Computes and checks the SHA-256 digests of the files that a validation report names."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from slosh_report.validation.content import SignedFile
 
 
 class FileState(NamedTuple):
-    """State of a file that a report names.
+    """Result of comparing a file with the digest in a validation report.
 
     Attributes:
         path: as the report has it.
@@ -27,7 +27,7 @@ class FileState(NamedTuple):
 
 
 def signed_file(path: Path, role: str) -> SignedFile:
-    """Reads a file and returns its size and digest.
+    """Reads a file and returns its role, path, size and digest.
 
     Raises:
         OSError: it cannot be read.
@@ -36,7 +36,7 @@ def signed_file(path: Path, role: str) -> SignedFile:
 
 
 def bag_files(bag: Path) -> tuple[SignedFile, ...]:
-    """Returns size and digest of each file of a bag.
+    """Returns the paths, sizes and digests of all files of a bag.
 
     Raises:
         OSError: one cannot be read.
@@ -47,7 +47,7 @@ def bag_files(bag: Path) -> tuple[SignedFile, ...]:
 def check_files(
     content: Mapping[str, Any], report: Path, folders: Iterable[Path]
 ) -> tuple[FileState, ...]:
-    """Compares the files that a report names with their digests.
+    """Compares files with the digests that a validation report gives for them.
 
     A file is looked for at its path, seen from the working directory and from the report's
     folder, then in other folders by its name: a recording that was moved is found there.

@@ -1,4 +1,4 @@
-"""Texts of a validation report: subject, method, and versions of all that took part."""
+"""Texts of a validation report: subject, method, and versions of software and data."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "mcap", "rosba
 
 
 def subject(model: Model, results: Sequence[ReplayResult], motion: str) -> tuple[Fact, ...]:
-    """Describes container, liquid, first mode and motion.
+    """Describes the container, its liquid, its first mode and the motion.
 
     Args:
         model: of all recordings.
@@ -58,7 +58,7 @@ def _first_mode(model: Model) -> str:
 
 def method(model: Model, runs: Sequence[RecordedRun], results: Sequence[ReplayResult],
            further: float) -> tuple[Fact, ...]:  # fmt: skip
-    """Describes models, measurement, comparison and rule of decision.
+    """Describes models, measurement, comparison and decision rule.
 
     Args:
         model: of all recordings.
@@ -94,7 +94,7 @@ def method(model: Model, runs: Sequence[RecordedRun], results: Sequence[ReplayRe
 
 
 def versions(runs: Sequence[RecordedRun], model_text: str) -> tuple[Fact, ...]:
-    """Returns versions of software, and digests of settings and message definitions.
+    """Returns the versions of software, and digests of settings and message definitions.
 
     Args:
         runs: the recordings.
@@ -134,7 +134,7 @@ def _calibration(run: RecordedRun) -> str:
 
 
 def _definitions(run: RecordedRun) -> str:
-    """Returns the digest of a recording's message definitions, by their names."""
+    """Returns the digest of all message definitions in a recording, sorted by name."""
     found = {
         (schema.name, bytes(schema.data))
         for file in run.reader.files

@@ -1,1 +1,1 @@
-"""Validation report of a container and a motion: signed by digest, as HTML and PDF."""
+"""Validation report of a container and a motion, with a digest, as an HTML or PDF file."""

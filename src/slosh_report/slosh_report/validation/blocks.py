@@ -1,4 +1,4 @@
-"""Parts of a printed document, which the HTML page and the PDF file lay out alike."""
+"""Parts of a printed document, laid out by both the HTML page and the PDF file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Number:
 
     @property
     def text(self) -> str:
-        """The number as it is shown."""
+        """The formatted number, with its prefix."""
         return self.prefix + shown(self.value, self.unit, self.digits)
 
 
@@ -85,7 +85,7 @@ class Lines:
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """Heights of one recording over time.
+    """Chart of one recording's heights over time.
 
     Attributes:
         recording: number of the recording, from 0.
@@ -98,7 +98,7 @@ class Chart:
 
 @dataclass(frozen=True, slots=True)
 class Code:
-    """A text of several lines in a font of equal widths."""
+    """Text of several lines in a fixed-width font."""
 
     text: str
 
@@ -115,5 +115,5 @@ class Section:
 
 
 def cell_text(cell: Cell) -> str:
-    """Returns a table's cell as it is shown."""
+    """Returns the text of a table cell."""
     return cell if isinstance(cell, str) else cell.text

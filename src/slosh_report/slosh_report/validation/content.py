@@ -54,7 +54,7 @@ class Criterion:
 
 @dataclass(frozen=True, slots=True)
 class SignedFile:
-    """A file that the report is about.
+    """Name, size and digest of a file that a validation report is based on.
 
     Attributes:
         role: what it is, such as "recording" or "model".
@@ -71,7 +71,7 @@ class SignedFile:
 
 @dataclass(frozen=True, slots=True)
 class Peak:
-    """A greatest height.
+    """The greatest measured height of a span, with its uncertainty.
 
     Attributes:
         height: [m]; NaN: nothing was measured.
@@ -126,7 +126,7 @@ class Recording:
 
 @dataclass(frozen=True, slots=True)
 class LimitInForce:
-    """A limit that the cell's monitor watched while it recorded.
+    """A limit that the cell's monitor watched during a recording.
 
     Attributes:
         recording: name of the recording.
@@ -168,7 +168,7 @@ class Repeatability:
 
 @dataclass(frozen=True, slots=True)
 class Signature:
-    """A line to be signed by hand.
+    """A line for a handwritten signature.
 
     Attributes:
         role: such as "Prepared by".
@@ -181,7 +181,7 @@ class Signature:
 
 @dataclass(frozen=True, slots=True)
 class ValidationReport:
-    """Everything that is signed in a validation report.
+    """The signed contents of a validation report.
 
     Attributes:
         title: heading.
@@ -217,7 +217,7 @@ class ValidationReport:
 
 
 def overall(criteria: tuple[Criterion, ...]) -> Verdict:
-    """Returns the verdict of all criteria together: the worst; undecided if there are none."""
+    """Combines the verdicts of all criteria: the worst one, or undecided if there are none."""
     found = {criterion.verdict for criterion in criteria}
     if Verdict.FAIL in found:
         return Verdict.FAIL

@@ -92,10 +92,10 @@ def _new_file(report: ValidationReport, digest: str) -> Any:
     fpdf = _library()
 
     class Document(fpdf.FPDF):  # type: ignore[name-defined]
-        """A4 pages with title, digest and page number at the foot."""
+        """PDF document with A4 pages; its footer has title, digest and page number."""
 
         def footer(self) -> None:
-            """Writes the foot of a page."""
+            """Writes the footer of a page."""
             self.set_y(-BOTTOM + 5.0)
             self.set_draw_color(*RULE)
             self.line(MARGIN, self.get_y() - 1.5, MARGIN + WIDTH, self.get_y() - 1.5)
@@ -128,7 +128,7 @@ def _font_folder() -> Path:
 
 
 def _fitting(pdf: Any, text: str, width: float) -> str:
-    """Cuts a text to a width [mm]."""
+    """Shortens a text to a width [mm]."""
     text = readable(text)
     while text and pdf.get_string_width(text) > width:
         text = text[:-2] + "…"
@@ -266,7 +266,7 @@ def _legend(pdf: Any, run: RunReport) -> None:
 
 
 def _drawn(svg: str) -> str:
-    """Converts a page's chart to one for paper: with colours, a size and the file's font.
+    """Adapts a chart of the HTML page to paper: resolves colours, size and font.
 
     Nothing that is drawn leaves the axes, which the clipping paths would cut off.
     """
@@ -279,6 +279,6 @@ def _drawn(svg: str) -> str:
 
 
 def _colours() -> dict[str, str]:
-    """Returns the colours of printed pages by their names in the pages' style."""
+    """Returns the printed colours of the page's style by the names of their CSS variables."""
     sheet = resources.files("slosh_report.page").joinpath("report.css").read_text("utf-8")
     return dict(_VARIABLE.findall(sheet.partition("@media print")[2]))

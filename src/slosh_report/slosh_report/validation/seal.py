@@ -1,4 +1,4 @@
-"""Signs a validation report by digest, and finds what was changed since.
+"""Signs a validation report with a digest, and detects later changes.
 
 A report file holds two digests. One is that of the signed content, whose JSON text every file
 carries: it is shown on each page. The other one is the file's seal: the digest of all its bytes,
@@ -26,7 +26,7 @@ _NO_SEAL: Final = b"0" * 64
 
 @dataclass(frozen=True, slots=True)
 class SealCheck:
-    """Result of checking a report file.
+    """Result of checking a report file against its digest.
 
     Attributes:
         content: the signed content, as JSON has it; empty: it is unreadable.
@@ -40,18 +40,18 @@ class SealCheck:
 
 
 def content_of(report: ValidationReport) -> dict[str, Any]:
-    """Returns the signed content as JSON-compatible values, in SI units."""
+    """Converts a report's signed contents to JSON-compatible values in SI units."""
     document: dict[str, Any] = plain(report)
     return document
 
 
 def content_digest(content: dict[str, Any]) -> str:
-    """Returns the SHA-256 of a content's canonical JSON text, in hexadecimal digits."""
+    """Returns the SHA-256 digest of the contents as canonical JSON text, in hexadecimal."""
     return hashlib.sha256(_canonical(content).encode()).hexdigest()
 
 
 def envelope(content: dict[str, Any]) -> str:
-    """Returns the JSON text that a report file carries: the content and its digest, in ASCII.
+    """Returns the JSON text embedded in a report file: the contents and their digest, in ASCII.
 
     It has no '<', which would end an element of a page.
     """
@@ -61,12 +61,12 @@ def envelope(content: dict[str, Any]) -> str:
 
 
 def seal_line() -> str:
-    """Returns the line that a report file has before it is sealed."""
+    """Returns the placeholder line that a report file contains before it is sealed."""
     return f"slosh-seal sha256:{_NO_SEAL.decode()}"
 
 
 def sealed(unsealed: bytes) -> bytes:
-    """Returns a report file with its seal.
+    """Returns the bytes of a report file with its seal, the digest of the file, filled in.
 
     Args:
         unsealed: the file, with the text of `seal_line` once.
@@ -81,7 +81,7 @@ def sealed(unsealed: bytes) -> bytes:
 
 
 def check_seal(file: bytes, source: str) -> SealCheck:
-    """Checks the seal and the content of a report file.
+    """Checks the seal and the contents of a report file.
 
     Args:
         file: its bytes.
@@ -107,7 +107,7 @@ def check_seal(file: bytes, source: str) -> SealCheck:
 
 
 def _carried(file: bytes, source: str) -> dict[str, Any]:
-    """Returns the JSON document that a report file carries; empty if it is unreadable."""
+    """Returns the JSON document embedded in a report file; empty if it is unreadable."""
     text = file.decode("latin-1")
     start = text.find(_HEAD)
     if start < 0:

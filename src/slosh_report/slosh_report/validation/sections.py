@@ -30,7 +30,7 @@ _HEAVY: Final = 8
 
 
 def sections(report: ValidationReport, digest: str) -> tuple[Section, ...]:
-    """Returns the report's sections in the order in which they are printed.
+    """Returns the report's sections in printing order.
 
     Args:
         report: what is signed.
@@ -54,7 +54,7 @@ def sections(report: ValidationReport, digest: str) -> tuple[Section, ...]:
 
 
 def summary(report: ValidationReport) -> str:
-    """Describes the verdict in one sentence."""
+    """Returns one sentence about the verdict."""
     counts = [
         f"{sum(one.verdict is verdict for one in report.criteria)} {verdict.value}"
         for verdict in Verdict
@@ -63,10 +63,10 @@ def summary(report: ValidationReport) -> str:
 
 
 def criteria_table(report: ValidationReport) -> Table:
-    """Returns the table of the acceptance criteria with their verdicts."""
+    """Creates the table of the acceptance criteria with their verdicts."""
     columns = (
         Column("criterion", 30), Column("recording", 20), Column("found", 12, right=True),
-        Column("± U", 12, right=True), Column("limit", 12, right=True), Column("unit", 9),
+        Column("U", 12, right=True), Column("limit", 12, right=True), Column("unit", 9),
         Column("verdict", 20),
     )  # fmt: skip
     rows = tuple(_criterion(one) for one in report.criteria)
@@ -90,7 +90,7 @@ def _recordings(report: ValidationReport) -> Table:
         Column("recording", 24), Column("recorded", 34), Column("duration [s]", 15, right=True),
         Column("images", 13, right=True), Column("samples", 15, right=True),
         Column("gaps", 10, right=True), Column("lost", 10, right=True),
-        Column("dropped", 16, right=True), Column("flags (images)", 32),
+        Column("dropped", 16, right=True), Column("flags", 32),
     )  # fmt: skip
     rows = tuple(
         (
@@ -124,8 +124,8 @@ def _files(report: ValidationReport) -> Table:
 
 def _limits(report: ValidationReport) -> Table:
     columns = (
-        Column("recording", 25), Column("quantity", 30), Column("limit [mm]", 18, right=True),
-        Column("from", 70),
+        Column("recording", 25), Column("what", 30), Column("limit [mm]", 18, right=True),
+        Column("origin", 70),
     )  # fmt: skip
     rows = tuple(
         (one.recording, one.quantity, Number(one.limit, "mm"), one.origin) for one in report.limits
@@ -170,7 +170,7 @@ def _results(report: ValidationReport) -> tuple[Block, ...]:
 def _heights(report: ValidationReport) -> Table:
     columns = (
         Column("recording", 25), Column("measured [mm]", 22, right=True),
-        Column("± U [mm]", 16, right=True), Column("estimated [mm]", 23, right=True),
+        Column("U [mm]", 16, right=True), Column("estimated [mm]", 23, right=True),
         Column("limit [mm]", 18, right=True), Column("limit use [%]", 20, right=True),
         Column("reproduced", 28, right=True),
     )  # fmt: skip
@@ -191,7 +191,7 @@ def _heights(report: ValidationReport) -> Table:
 
 
 def judged_limit(report: ValidationReport, recording: Recording) -> float:
-    """Returns the limit of the measured height that a recording was judged by [m]; NaN: none."""
+    """Returns the limit by which a recording's height was judged [m], or NaN if none."""
     limits = [
         one.limit
         for one in report.criteria
@@ -205,7 +205,7 @@ HEIGHT: Final = "highest measured height"
 
 
 def peak_cell(peak: Peak) -> Number:
-    """Returns the table cell of a greatest height, marked if it is a lower bound only."""
+    """Returns the table cell of a greatest height, marked with ≥ if it is a lower bound."""
     return Number(peak.height, "mm", prefix="≥ " if peak.is_bound else "")
 
 
@@ -230,7 +230,7 @@ def _motions(report: ValidationReport) -> Table:
     columns = (
         Column("recording", 28), Column("motion", 15, right=True),
         Column("start [s]", 18, right=True), Column("end [s]", 18, right=True),
-        Column("measured [mm]", 24, right=True), Column("± U [mm]", 18, right=True),
+        Column("measured [mm]", 24, right=True), Column("U [mm]", 18, right=True),
         Column("MAE [mm]", 18, right=True), Column("ε [%]", 16, right=True),
     )  # fmt: skip
     rows = tuple(
@@ -249,9 +249,9 @@ def _motions(report: ValidationReport) -> Table:
 def _repeatability(report: ValidationReport) -> Table:
     columns = (
         Column("motion", 16, right=True), Column("recordings", 22, right=True),
-        Column("mean [mm]", 22, right=True), Column("s [mm]", 18, right=True),
+        Column("mean [mm]", 22, right=True), Column("deviation [mm]", 18, right=True),
         Column("lowest [mm]", 24, right=True), Column("highest [mm]", 24, right=True),
-        Column("spread [mm]", 24, right=True), Column("± U [mm]", 18, right=True),
+        Column("spread [mm]", 24, right=True), Column("U [mm]", 18, right=True),
     )  # fmt: skip
     rows = tuple(
         (

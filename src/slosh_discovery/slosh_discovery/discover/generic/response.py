@@ -52,7 +52,7 @@ class MotionWithTerms:
 
     @classmethod
     def of(cls, model: Model, motion: MeasuredMotion, clock_offset: float) -> MotionWithTerms:
-        """Prepares a motion; `clock_offset` [s] is the heights' clock minus the inputs' clock."""
+        """Resamples a motion for heights whose clock is `clock_offset` [s] ahead of the inputs."""
         start = float(motion.inputs.t[0])
         clock = reading_clock(model)
         moments = np.maximum(clock.moments(motion.t - clock_offset, start), start)

@@ -1,4 +1,4 @@
-"""Generated motions of a fleet over a year: what a store of many recordings holds.
+"""Generates a year of motions of several cells, as contents of a large fleet store.
 
 The numbers follow no measurement; they have what the page and queries look for: a container whose
 frequency falls and whose level drifts, rare events, motions that several bags have.
@@ -27,7 +27,7 @@ PARTS = 50
 
 
 def bags_of_motions(motions: int, bags: int) -> Iterator[list[MotionRow]]:
-    """Yields the motions of each bag; a bag is a shift of one of CELLS cells.
+    """Yields the motions of each bag; each bag holds one shift of one of CELLS cells.
 
     Args:
         motions: of all bags together, about.
@@ -47,7 +47,7 @@ def bags_of_motions(motions: int, bags: int) -> Iterator[list[MotionRow]]:
 def _shift(
     rng: np.random.Generator, bag: int, day: int, cell: int, count: int, share: float
 ) -> list[MotionRow]:
-    """Returns the motions of one cell on one day, `share` of the whole time after the first."""
+    """Returns one cell's motions on one day; `share` is the elapsed fraction of the year."""
     begin = FIRST_NS + (day * DAY + 8 * 3600 * (cell % 2)) * SECOND
     starts = begin + (np.sort(rng.uniform(0.0, SHIFT, count)) * SECOND).astype(np.int64)
     peak = rng.gamma(9.0, 0.001, count)
