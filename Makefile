@@ -79,7 +79,6 @@ bench: setup
 	@missed=0; for file in benchmarks/bench_*.py; do ROS_PYTHON_CHECK_FIELDS=0 tools/run python $$file || missed=1; done; exit $$missed
 
 tables: setup
-	@tools/run python tools/parameter_tables.py
 	@tools/run python tools/stranger.py --docs
 	@tools/run python tools/effect_pages.py
 	@tools/run python tools/accuracy_tables.py

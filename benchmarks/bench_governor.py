@@ -1,4 +1,4 @@
-"""Cost of a step of the governor, on one core.
+"""Measures the processor time of one governor step, on one core.
 
     tools/run python benchmarks/bench_governor.py [--streams 20]
 
@@ -63,7 +63,7 @@ CASES = {"one cup": one_cup, **LOADS}
 
 
 def main() -> int:
-    """Runs the command; returns its exit code."""
+    """Measures the step times and prints them; returns the exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--streams", type=int, default=20)
     streams = range(parser.parse_args().streams)

@@ -12,7 +12,7 @@ from slosh_model.shapes.cylinder import Cylinder
 
 @dataclass(frozen=True)
 class Tub(Container):
-    """A cylinder by its diameter: its waves are known."""
+    """A cylinder defined by its diameter, as an example of a user's own shape."""
 
     shape: ClassVar[str] = "tub"
     section: ClassVar[str] = ROUND

@@ -1,4 +1,4 @@
-"""A linear drive with a rectangular tank and a camera beside it, as a process that speaks DDS.
+"""A process with a linear drive, a rectangular tank and a camera, which publishes over DDS.
 
     python tests/rectangle_robot.py
 
@@ -28,7 +28,7 @@ REST, MOVING = 1.5, 2.5  # s
 
 
 def motion() -> Inputs:
-    """At rest, to and fro at four fifths of the natural frequency, at rest."""
+    """Returns a motion: rest, oscillation at 0.8 of the natural frequency, rest."""
     t = np.arange(round((2.0 * REST + MOVING) * RATE)) / RATE
     share = np.clip((t - REST) / MOVING, 0.0, 1.0)
     push = 1.6 * np.sin(np.pi * share) ** 2 * np.sin(0.8 * TANK.natural_frequency(1) * t)
@@ -36,7 +36,7 @@ def motion() -> Inputs:
 
 
 def write_camera(path: Path) -> None:
-    """The file of the camera that takes the pictures."""
+    """Writes the camera.yaml of the camera that renders the images."""
     rotation, translation = SETUP.pose()
     document = {
         "image_width": SETUP.columns,
@@ -59,7 +59,7 @@ def write_camera(path: Path) -> None:
 
 
 def main() -> None:
-    """Publishes the motion in real time; stamps are on the dot however late they are sent."""
+    """Publishes the motion in real time, with exact stamps even if messages are sent late."""
     import rclpy
     from geometry_msgs.msg import AccelStamped
     from rclpy.node import Node

@@ -1,4 +1,4 @@
-"""Whatever others send: the cell does not lie, does not fall and tells what is wrong."""
+"""Tests that a cell survives any message, reports no wrong state and names the fault."""
 
 import math
 import os
@@ -35,7 +35,7 @@ CUP = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\n"
 
 @pytest.fixture(scope="module", autouse=True)
 def ros() -> Iterator[None]:
-    """ROS in this process, for all robots."""
+    """Starts ROS in this process for all robots of the tests."""
     rclpy.init()
     yield
     rclpy.shutdown()
@@ -43,7 +43,7 @@ def ros() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def robots(tmp_path_factory: pytest.TempPathFactory, domain: int) -> Iterator[StartRobot]:
-    """Starts robots that live as long as this module's tests."""
+    """Yields a function that starts robots, which run until the module's tests have ended."""
     with ExitStack() as stack:
 
         def start(name: str, kind: str = topics.ACCEL) -> RobotNode:
@@ -56,26 +56,26 @@ def robots(tmp_path_factory: pytest.TempPathFactory, domain: int) -> Iterator[St
 
 @pytest.fixture(scope="module")
 def calm_one(robots: StartRobot) -> RobotNode:
-    """One for all tests that leave its liquid at rest."""
+    """Returns a robot for all tests in which the liquid stays at rest."""
     return robots("calm")
 
 
 @pytest.fixture
 def calm(calm_one: RobotNode) -> RobotNode:
-    """All is well with it."""
+    """Returns the robot with liquid at rest, after its monitor has reported OK."""
     wait_until_well(calm_one)
     return calm_one
 
 
 @pytest.fixture(scope="module")
 def rough_one(robots: StartRobot) -> RobotNode:
-    """One for all tests that move it, and load strange models."""
+    """Returns a robot for all tests that move the liquid or load strange models."""
     return robots("rough")
 
 
 @pytest.fixture
 def rough(rough_one: RobotNode) -> RobotNode:
-    """All is well with it, whatever it was told before."""
+    """Returns the moving robot, after its monitor has reported OK."""
     rough_one.push = lambda t: 0.0
     assert rough_one.call(LoadModel, topics.LOAD_MODEL, text=MODEL).success
     # Its camera has not seen the waves of before.
@@ -86,31 +86,31 @@ def rough(rough_one: RobotNode) -> RobotNode:
 
 @pytest.fixture(scope="module")
 def inertial_one(robots: StartRobot) -> RobotNode:
-    """One with an inertial sensor."""
+    """Returns a robot with an inertial sensor."""
     return robots("imu", topics.IMU)
 
 
 @pytest.fixture
 def inertial(inertial_one: RobotNode) -> RobotNode:
-    """All is well with it."""
+    """Returns the robot with an inertial sensor, after its monitor has reported OK."""
     wait_until_well(inertial_one)
     return inertial_one
 
 
 def wait_until_well(robot: RobotNode) -> None:
-    """Waits until the monitor sees, and nothing is wrong."""
+    """Waits until the monitor reports the state OK."""
     robot.until(lambda: robot.comparisons[-1].state == OK, "the state OK")
 
 
 def is_blind(robot: RobotNode, reason: str) -> bool:
-    """Whether the monitor says so on both of its topics."""
+    """Returns whether the monitor reports BLIND on both of its topics."""
     _, sentence = robot.health.get("monitor", (0, ""))
     said = "BLIND" in sentence and reason in sentence
     return said and robot.comparisons[-1].state == BLIND
 
 
 def from_now_on(robot: RobotNode, count: int) -> list[SloshEstimate]:
-    """The next estimates of samples that were not sent yet."""
+    """Returns the next estimates whose samples are sent after this call."""
     now, heard = time.time_ns(), len(robot.estimates)
 
     def new() -> list[SloshEstimate]:
@@ -122,7 +122,7 @@ def from_now_on(robot: RobotNode, count: int) -> list[SloshEstimate]:
 
 
 class TestBlind:
-    """The monitor never says OK where it cannot see."""
+    """Tests that the monitor never reports OK while it cannot compare heights."""
 
     @pytest.mark.long
     @pytest.mark.parametrize(("shift", "way"), [(-10.0, "behind"), (10.0, "ahead of")])
@@ -195,7 +195,7 @@ class TestBlind:
                 self.break_images(robot, picture)
 
     def break_images(self, robot: RobotNode, picture: Image) -> None:
-        """Sizes, rows and data that do not fit together: each is told by the camera node."""
+        """Publishes images with contradictory sizes; checks that the camera node reports each."""
         picture.encoding, data = "mono8", picture.data
         whole = {"height": picture.height, "width": picture.width, "step": picture.step}
         for broken, said in (
@@ -215,7 +215,7 @@ class TestBlind:
 
 
 class TestUnknown:
-    """Where the liquid's state is not known the estimates say so."""
+    """Tests that estimates are flagged while the liquid's state is unknown."""
 
     @pytest.mark.long
     def test_a_reset_in_motion(self, rough: RobotNode) -> None:
@@ -232,7 +232,7 @@ class TestUnknown:
 
 
 class TestNoFall:
-    """One message ends nothing."""
+    """Tests that no single message ends a node."""
 
     @pytest.mark.first(3)
     @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Small files that stand for a huge content are refused before they cost memory or time."""
+"""Tests that small files with huge content are rejected early, with little memory."""
 
 import bz2
 import functools
@@ -35,14 +35,14 @@ POINT, POINT_TEXT = "geometry_msgs/msg/Point", "float64 x\nfloat64 y\nfloat64 z\
 
 @pytest.fixture(scope="module")
 def idle() -> int:
-    """The memory of a command that finds nothing to read."""
+    """Returns the peak memory of a command that finds nothing to read [bytes]."""
     ended = run_slosh("replay", "/nowhere/at/all")
     assert ended.code == 2
     return ended.peak
 
 
 def check_refused(ended: Ended, idle: int, *parts: str, code: int = 2) -> None:
-    """The exit code, one line that has the parts, and little memory."""
+    """Checks exit code, a one-line error with given parts, and little memory."""
     check_survived(ended, idle)
     assert ended.code == code, ended.error
     # Where the machine is slow, lines of progress stand before it.
@@ -53,7 +53,7 @@ def check_refused(ended: Ended, idle: int, *parts: str, code: int = 2) -> None:
 
 
 def check_survived(ended: Ended, idle: int) -> None:
-    """An end with or without a result, and little memory."""
+    """Checks that a command ended regularly, with or without a result, and used little memory."""
     print(f"{ended.peak / MB:.0f} MB, {ended.seconds:.1f} s: {ended.error.strip()[:300]}")
     assert ended.code in (0, 1, 2), ended.error
     assert "Traceback" not in ended.error
@@ -100,7 +100,7 @@ def write_mcap(path: Path, parts: Iterable[bytes]) -> Path:
 
 
 def pour(compressor: Any, size: int, filler: bytes = bytes(MB)) -> bytes:
-    """A compressor's output for that many bytes."""
+    """Returns the compressed form of a number of filler bytes."""
     parts = [compressor.compress(filler) for _ in range(size // len(filler))]
     return b"".join([*parts, compressor.flush()])
 
@@ -126,14 +126,14 @@ def zstd_of(content: bytes) -> bytes:
 
 
 def many(part: bytes, size: int) -> tuple[bytes, int]:
-    """A part as often as fits, packed; and how long it is unpacked."""
+    """Returns a part, repeated up to a size and compressed, and the uncompressed length."""
     block = part * (MB // len(part))
     times = size // len(block)
     return zstd_without_size(times * len(block), block), times * len(block)
 
 
 def overlapping_chunks() -> Iterable[bytes]:
-    """Each chunk small enough, all of them at the same time."""
+    """Writes an MCAP file whose chunks are small, but all cover the same time."""
     content = definitions() + message(1) + message(10, bytes(100 * MB))
     packed = zstd_of(content)
     return [chunk("zstd", packed, len(content), (1, 10)) for _ in range(8)]
@@ -150,7 +150,7 @@ def chunk_of_schemas() -> list[bytes]:
 
 
 def many_chunks(content: bytes, size: int) -> Iterable[bytes]:
-    """A file of 0.3 MB of chunks that are packed as well as can be."""
+    """Writes an MCAP file of 0.3 MB with extremely well compressed chunks."""
     head = chunk("", definitions(), len(definitions()), (0, 0))
     return [head] + [chunk("zstd", content, size)] * (300_000 // len(content))
 
@@ -307,7 +307,7 @@ def ros1_index(count: int = 1) -> bytes:
 
 
 def ros1_bag(path: Path, chunk: bytes, indexes: bytes, infos: int = 1) -> Path:
-    """A bag of one chunk and one connection."""
+    """Writes a ROS 1 bag with one chunk and one connection."""
 
     def header(index: int) -> bytes:
         counts = {"conn_count": u32(1), "chunk_count": u32(infos)}
@@ -430,7 +430,7 @@ def png_chunk(kind: bytes, content: bytes) -> bytes:
 
 @functools.cache
 def png(width: int, height: int) -> bytes:
-    """A picture of one bit for each pixel, all black."""
+    """Returns a black PNG image with one bit per pixel."""
     row = bytes(1 + (width + 7) // 8)
     packer = zlib.compressobj(1)
     body = b"".join(packer.compress(row) for _ in range(height)) + packer.flush()
@@ -440,7 +440,7 @@ def png(width: int, height: int) -> bytes:
 
 
 def jpeg(width: int, height: int) -> bytes:
-    """A small picture that says to be another size."""
+    """Returns a small JPEG image whose header states another size."""
     data = bytearray(cv2.imencode(".jpg", np.zeros((64, 64, 3), np.uint8))[1].tobytes())
     frame = data.index(b"\xff\xc0")
     data[frame + 5 : frame + 9] = struct.pack(">HH", height, width)

@@ -1,4 +1,4 @@
-"""`make setup`: which Python it takes, and paths with blanks, umlauts and quotes."""
+"""Tests `make setup`: the Python that it chooses, and paths with special characters."""
 
 import os
 import shlex
@@ -14,7 +14,7 @@ FOLDER = "Käse it's mine"
 
 @pytest.fixture
 def place(tmp_path, monkeypatch):
-    """A checkout in a folder with an odd name, without anything in it."""
+    """Creates an empty checkout in a folder whose name has special characters."""
     root = tmp_path / FOLDER
     monkeypatch.setattr(bootstrap, "ROOT", root)
     monkeypatch.setattr(bootstrap, "VENV", root / ".venv")

@@ -1,4 +1,4 @@
-"""The built pages: a browser loads nothing from outside; formulae and search need no network."""
+"""Tests that the built pages load nothing from outside; formulae and search work offline."""
 
 import importlib
 import re
@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from slosh_bringup.cli.main import COMMANDS
 from slosh_bringup.processes import NODES
 from slosh_model.effects.registry import EFFECTS
 
@@ -23,7 +24,7 @@ LOADED = {
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
-    """The pages, built anew."""
+    """Builds the documentation pages anew; returns their folder."""
     folder = tmp_path_factory.mktemp("html")
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html"]
     done = subprocess.run(
@@ -35,7 +36,7 @@ def built(tmp_path_factory):
 
 
 class Addresses(HTMLParser):
-    """Collects what a page loads, and its formulae."""
+    """Collects the addresses that a page loads, and its formulae."""
 
     def __init__(self, page):
         super().__init__()
@@ -71,6 +72,9 @@ def test_generated_text_is_in_its_pages(built):
         assert f"{name}.svg" in page
     index = (built / "effects" / "index.html").read_text(encoding="utf-8")
     assert index.count("<td><p><a ") == len(EFFECTS)
+    commands = (built / "commands.html").read_text(encoding="utf-8")
+    for name in COMMANDS:
+        assert f'<span class="pre">{name}</span></code>' in commands, name
     interfaces = (built / "interfaces.html").read_text(encoding="utf-8")
     for node, module in NODES.items():
         assert f'id="{node}"' in interfaces

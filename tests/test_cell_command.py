@@ -1,4 +1,4 @@
-"""`slosh cell` on a robot's topics: what it works with, what it misses, what it ends with."""
+"""Tests `slosh cell` on a robot's topics: inputs, missing inputs and exit codes."""
 
 import json
 import os
@@ -33,7 +33,7 @@ pytestmark = pytest.mark.timeout(200)
 
 @pytest.fixture
 def write_cell(tmp_path):
-    """Writes a cell file; keys replace those of the shipped cell."""
+    """Returns a function that writes a cell file; given keys replace those of the shipped one."""
 
     def write(**keys):
         config = config_folder()
@@ -50,7 +50,7 @@ def write_cell(tmp_path):
 
 @contextmanager
 def cell(tmp_path, path):
-    """`slosh cell` on a cell file; its results go to tmp_path/out."""
+    """Runs `slosh cell` with a cell file; the results are in tmp_path/out."""
     words = ("cell", "--config", str(path), "-o", str(tmp_path / "out"))
     with live_process(*words, output=tmp_path / "words") as running:
         running.wait_for_nodes(4)
@@ -59,7 +59,7 @@ def cell(tmp_path, path):
 
 @contextmanager
 def moving_cell(domain, tmp_path, path):
-    """The same beside a robot that moves for a minute, as soon as it estimates what it knows."""
+    """Runs `slosh cell` beside a moving robot; waits for estimates of a known state."""
     with cell(tmp_path, path) as running, robot(domain, **SLOW, motion="l", repeat="20"):
         bag = tmp_path / "out" / "latest" / "bag"
         running.wait_for(lambda: holds(bag, 0), "estimates that are settled")
@@ -67,7 +67,7 @@ def moving_cell(domain, tmp_path, path):
 
 
 def push_beyond_the_limit(folder):
-    """A motion table of a second, after which the liquid stands 30 mm high."""
+    """Writes a motion table of one second that raises the liquid by 30 mm."""
     t = np.arange(0.0, 1.0, 0.002)
     push = np.stack((1.0 * np.sin(17.0 * t), 0.0 * t, 0.0 * t), axis=1)
     write_motion_table(folder / "push.csv", MotionTable(t, push))
@@ -223,7 +223,7 @@ def test_a_node_that_was_stopped_and_goes_on_is_told_and_settles(domain, tmp_pat
 
 
 def holds(bag, settling):
-    """Whether a bag, finished or not, holds an estimate that settles (0: one that does not)."""
+    """Returns whether a bag has an estimate with the given settling flag (0: not set)."""
     try:
         return any(message.flags & SETTLING == settling for message in estimates_of(bag))
     except SloshBagError:
@@ -231,7 +231,7 @@ def holds(bag, settling):
 
 
 def estimates_of(bag):
-    """The estimates in a bag."""
+    """Returns the estimates in a bag."""
     reader = BagReader(bag)
     return [reader.decode(message) for message in reader.messages(["/slosh/estimate"])]
 

@@ -1,4 +1,4 @@
-"""Several cells on one host: the page of each lists all of them, with links to the others."""
+"""Tests several cells on one host: each page lists all cells, with links to the others."""
 
 import threading
 import time
@@ -24,7 +24,7 @@ CELLS = {"/left": (0.004, 0), "/right": (0.018, 1)}
 
 
 class Monitors(threading.Thread):
-    """Stands in for the monitors of both cells."""
+    """Simulates the monitors of both cells."""
 
     def __init__(self) -> None:
         super().__init__(daemon=True)
@@ -78,7 +78,7 @@ def monitors(domain: int) -> Iterator[Monitors]:
 def ports(
     domain: int, monitors: Monitors, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[dict[str, int]]:
-    """Ports of the pages, by cell."""
+    """Returns the TCP ports of the web pages, by cell."""
     found = {name: free_port() for name in CELLS}
     groups = []
     try:

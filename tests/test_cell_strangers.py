@@ -1,4 +1,4 @@
-"""A running cell: who reaches it, who can read what it writes, what strangers' words do."""
+"""Tests who can reach a running cell, read its files, and what untrusted texts do."""
 
 import json
 import signal
@@ -34,7 +34,7 @@ pytestmark = [pytest.mark.timeout(300), pytest.mark.long]
 
 
 class Cell(NamedTuple):
-    """A cell that runs: its process, the folder of its runs, its file."""
+    """A running cell: its process, the folder of its runs, and its cell file."""
 
     process: LiveProcess
     output: Path
@@ -42,14 +42,14 @@ class Cell(NamedTuple):
 
     @property
     def run(self) -> Path:
-        """Where its results go."""
+        """Folder of the run's results."""
         first = next(line for line in self.process.said.splitlines() if "this run is in" in line)
         return Path(first.partition("this run is in ")[2])
 
 
 @pytest.fixture(scope="module")
 def cell(domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
-    """A cell with the operator's page, before a simulated robot."""
+    """Runs a cell with the operator's page and a simulated robot."""
     folder, config = tmp_path_factory.mktemp("cell"), config_folder()
     file = folder / "cell.yaml"
     document = {"model": config / "model.yaml", "calibration": config / "camera.yaml"}
@@ -80,7 +80,7 @@ def test_every_socket_of_a_cell_is_on_this_machine_alone(cell: Cell) -> None:
 
 
 def is_unread(pid: int, one: Socket) -> bool:
-    """Whether what came to a socket still waits there."""
+    """Returns whether received bytes still wait at a socket of a process."""
     return waiting_bytes(pid, one.table, one.port) > 0
 
 

@@ -1,4 +1,4 @@
-"""Edges that are seen through a liquid, or hide its line, are no silent wrong heights.
+"""Tests that edges seen through clear liquids cause no wrong heights without a flag.
 
 Single images of scenes that `validation/scenes/render.py liquids clear sequence_59 sequence_111`
 draws, each with the image of the liquid at rest.
@@ -32,7 +32,7 @@ def detector_of(name: str) -> FreeSurfaceDetector:
 
 
 def measured(name: str) -> tuple[FrameTruth, Measurement]:
-    """Truth and measurement of a scene's last image, alone."""
+    """Returns the exact data and the measurement of a scene's last image."""
     frame = read_sequence(SCENES / name).frames[-1]
     return frame, detector_of(name).measure(0, read_image(frame.path))
 

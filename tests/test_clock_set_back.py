@@ -1,4 +1,4 @@
-"""The system's clock set back and forward by an hour while a cell runs."""
+"""Tests a running cell while the system clock is set back and forward by an hour."""
 
 import re
 import shutil
@@ -24,7 +24,7 @@ NODES = {"estimator", "monitor", "recorder"}
 
 @pytest.fixture
 def set_clock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
-    """Sets the clock of processes that are started from now on, by seconds off the true one."""
+    """Returns a function that shifts the clock of processes started later, by seconds."""
     library, place = tmp_path / "set_clock.so", tmp_path / "clock"
     compiler = shutil.which("cc") or shutil.which("gcc")
     assert compiler, "no C compiler: apt install gcc"
@@ -60,7 +60,7 @@ def is_well(robot: RobotNode) -> bool:
 
 
 def recorded(robot: RobotNode) -> int:
-    """As the recorder says."""
+    """Returns the number of recorded messages that the recorder reports."""
     told = re.match(r"(\d+) messages", robot.health["recorder"][1])
     return int(told[1]) if told else 0  # it may tell of a lost message first
 

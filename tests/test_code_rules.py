@@ -1,4 +1,4 @@
-"""What `make lint` asks of the code holds, and each of its rules refuses what it is there for."""
+"""Tests that `make lint` passes, and that each of its rules rejects a planted violation."""
 
 import os
 import re
@@ -55,7 +55,7 @@ UPWARDS = {
 
 
 def run(command, folder, **variables):
-    """A rule's command in a folder; skips where the environment has no such tool."""
+    """Runs a rule's command in a folder; skips the test if the tool is not installed."""
     tool = "mypy" if command == TYPES else command.split()[0]
     if shutil.which(tool) is None:
         pytest.skip(f"{tool} is not in this environment: requirements/development.txt has it")
@@ -66,7 +66,7 @@ def run(command, folder, **variables):
 
 
 def rules(folder):
-    """The rules' configuration in a folder of its own."""
+    """Copies the configuration of the rules to a temporary folder."""
     (folder / "tools").mkdir()
     for name in ("pyproject.toml", "tools/compiled_code.toml", "tools/typecheck.py"):
         shutil.copy(ROOT / name, folder / name)

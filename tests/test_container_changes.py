@@ -1,4 +1,4 @@
-"""A filling line: containers change while a cell of processes runs, records and is replayed."""
+"""Tests a filling line: containers change while a cell runs, records and is replayed."""
 
 import math
 import time
@@ -40,7 +40,7 @@ FILLS = (0.040, 0.045, 0.050)
 
 @pytest.fixture
 def line(tmp_path: Path, domain: int) -> Iterator[HearingRobot]:
-    """The nodes of a cell without a camera, and the robot that serves a filling line."""
+    """Runs the nodes of a cell without a camera, and the robot of a filling line."""
     (tmp_path / "cup.yaml").write_text(CUP)
     (tmp_path / "mug.yaml").write_text(MUG)
     model = {"model": str(tmp_path / "cup.yaml")}
@@ -70,7 +70,7 @@ def state_of(robot: HearingRobot, name: str) -> str:
 
 
 class Shift:
-    """Inputs in real time, and what is said of the containers."""
+    """Publishes inputs in real time, and collects the messages about the containers."""
 
     def __init__(self, robot: HearingRobot) -> None:
         self.robot = robot
@@ -79,7 +79,7 @@ class Shift:
         self.stamp_ns = time.time_ns()
 
     def move(self, seconds: float, size: float) -> None:
-        """A push and back, from rest to rest."""
+        """Publishes a push and back, from rest to rest."""
         count = round(seconds * SECOND / STEP_NS)
         for k in range(count):
             self.stamp_ns += STEP_NS
@@ -150,7 +150,7 @@ def test_a_tray_over_dds_names_the_worst_and_is_replayed(tmp_path: Path, domain:
 
 
 def turn(robot: HearingRobot, publisher: Any, after_ns: int = 0) -> int:
-    """Turns the tray to and fro about its own axis, for a second; returns the last stamp [ns]."""
+    """Turns the tray to and fro about its axis for a second; returns the last stamp [ns]."""
     stamp_ns = max(time.time_ns(), after_ns)
     for k in range(250):
         stamp_ns += STEP_NS
@@ -216,7 +216,7 @@ def test_each_cycle_of_a_filling_line_reaches_all_nodes_and_is_replayed(
 
 
 def check(bag: Path, cycles: int) -> None:
-    """Bit for bit, with every change in the recording."""
+    """Checks that the recording has every change and replays bit for bit."""
     wait = time.monotonic() + 20.0
     while True:
         reader = BagReader(bag)
@@ -260,7 +260,7 @@ def test_a_camera_that_contradicts_the_fill_says_so_within_two_seconds_of_rest(
         stamps = [to_nanoseconds(one.header.stamp) for one in seen]
         robot.until(lambda: noisy("-6.0 ±" in robot.health["monitor"][1]), "the level in words")
         assert "check the fill height" in robot.health["monitor"][1]
-        robot.until(lambda: noisy("that was told" in robot.health["camera"][1]), "the camera")
+        robot.until(lambda: noisy("that was set" in robot.health["camera"][1]), "the camera")
         robot.call(ChangeContainer, topics.CHANGE_CONTAINER, fill_height=fill - 0.006)
         robot.until(lambda: noisy(robot.comparisons[-1].state == Condition.OK), "agreement")
     assert stamps[-1] - stamps[0] < 2 * SECOND

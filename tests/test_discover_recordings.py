@@ -1,4 +1,4 @@
-"""Recorded bags and public measurements as measured motions, with the models beside them."""
+"""Tests recorded bags and public data as measured motions, compared with the models."""
 
 import os
 from pathlib import Path
@@ -11,7 +11,7 @@ from slosh_discovery.discover import Verdict, discover
 from slosh_discovery.discover.input_noise import estimate_input_noise
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data import day_motions, motions_of_day, read_motions
-from slosh_discovery.discover_data.unrelated import felt_acceleration
+from slosh_discovery.discover_data.unrelated import apparent_acceleration
 from slosh_discovery.discovering import recorded_model
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
@@ -31,7 +31,7 @@ RUNS = ("LE_3D_0m_5s_900deg", "TRD_2D_0.3m_2.6s_270deg", "Tilt_RD_3D_0.3m_7.5s_2
 
 
 def rms(motion: MeasuredMotion, model: Model, felt: np.ndarray | None = None) -> float:
-    """Of measured minus predicted, while the container moves and a second longer [m]."""
+    """Returns the rms of measured minus predicted height [m], during the motion and 1 s after."""
     driven = motion.inputs.acceleration if felt is None else felt
     predicted = simulate(model, Inputs(motion.inputs.t, driven))[0].msh
     moving = motion.inputs.t[np.linalg.norm(driven, axis=1) > 0.15]
@@ -119,7 +119,7 @@ class TestMeasuredRuns:
             assert motion.t[-1] > moving[-1] + 3.0
             assert motion.t[0] < moving[0] - 0.9
             stamped = np.arange(len(motion.inputs.t))  # only the attitude matters here
-            felt = felt_acceleration(
+            felt = apparent_acceleration(
                 RecordedMotion(stamped, motion.inputs.acceleration, motion.inputs.attitude)
             )
             assert rms(motion, CUP, felt) < 4e-3, motion.name

@@ -1,4 +1,4 @@
-"""The documentation tells the truth: links, commands, parameters."""
+"""Tests the documentation: links, commands and parameters are right."""
 
 import re
 from pathlib import Path
@@ -48,13 +48,13 @@ def test_named_commands_exist(page):
 
 
 class Reader:
-    """Follows a page's commands: what they write is there for those that come after."""
+    """Follows the commands on a page; files that one writes exist for the following ones."""
 
     def __init__(self):
         self.written, self.folder = {DEMO}, Path()
 
     def take(self, words):
-        """Takes a command, or raises with what is wrong about it."""
+        """Checks a command; raises an error that says what is wrong about it."""
         while "=" in words[0]:
             words = words[1:]
         if words[0] == "cd":
@@ -69,7 +69,7 @@ class Reader:
             self.take_script(words[2].replace("$SLOSH/", ""), words[3:])
 
     def take_slosh(self, words):
-        """Parses it as the command itself does."""
+        """Parses the words of a slosh command as the command itself does."""
         assert words[0] in COMMANDS, f"no such command: {words[0]}"
         given = vars(build_parser(words[0]).parse_args(words))
         writes = (*OUTPUTS, "folder") if words[0] == "new" else OUTPUTS
@@ -80,7 +80,7 @@ class Reader:
         self.written |= {Path(word) for name in writes for word in files_in(given.get(name))}
 
     def take_script(self, script, words):
-        """The script is there, and knows the options by their names."""
+        """Checks that a script exists and has the given options."""
         path = ROOT / script
         assert path.is_file(), f"no such script: {script}"
         for word in words:
@@ -91,7 +91,7 @@ class Reader:
             self.written.add(Path(words[words.index("-o") + 1]))
 
     def there(self, word):
-        """A file of the repository or of an earlier command, a name by convention, or CAPITALS."""
+        """Returns whether a file exists: in the repository, by an earlier command, or CAPITALS."""
         path = Path(word)
         return (
             re.search(r"[A-Z]{3,}|…", word) is not None
@@ -102,7 +102,7 @@ class Reader:
 
 
 def files_in(value):
-    """Words among an option's values that name files."""
+    """Returns the words among an option's values that name files."""
     values = value if isinstance(value, list | tuple) else [value]
     return [
         str(one) for one in values
@@ -150,7 +150,7 @@ def test_the_readmes_cup_gets_the_answer_that_stands_there(tmp_path, monkeypatch
 
 
 def runnable():
-    """Quick commands that read what the repository has, each once."""
+    """Returns the quick commands of all pages that read files of the repository, each once."""
     seen = {}
     for page in PAGES:
         for command in () if page in TUTORIAL else command_lines(page):

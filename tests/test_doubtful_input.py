@@ -1,4 +1,4 @@
-"""An input that is not what it claims to be: flagged and named by real nodes, over DDS."""
+"""Tests that nodes flag and name an input that is not what it claims to be, over DDS."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Each effect's page says what the registry says, and shows what the models give."""
+"""Tests that each effect's page agrees with the registry and shows the models' results."""
 
 import importlib.util
 import re

@@ -1,4 +1,4 @@
-"""A recorder of events beside an estimator and a monitor: its bags replay bit for bit."""
+"""Tests an event recorder beside estimator and monitor: its bags replay bit for bit."""
 
 from pathlib import Path
 
@@ -34,14 +34,14 @@ ERROR = SloshComparison.STATE_ERROR
 
 
 def events_of(bag):
-    """The events that a finished bag tells; none while it is written."""
+    """Returns the events in a bag's metadata; empty while the bag is being written."""
     if not (bag / "metadata.yaml").exists() or (bag / ".reserve").exists():
         return []
     return noted_events(RecordedRun(bag).facts.get("events", ""))
 
 
 def bags_of(folder, cause):
-    """The finished bags that hold an event of a cause."""
+    """Returns the finished bags that contain an event with a given cause."""
     bags = sorted(folder.iterdir())
     return [bag for bag in bags if cause in {event.cause for event in events_of(bag)}]
 
@@ -88,7 +88,7 @@ def test_a_recorder_of_everything_says_that_there_is_nothing_to_ask_for(tmp_path
 
 
 def cut(source, folder, *at, before=5.0, after=5.0):
-    """Bags of events at some times [s] of a recording, as its recorder would have written them."""
+    """Writes event bags at times [s] of a recording, as its recorder would have done."""
     recorder = EventRecorder(
         folder, Windows(round(before * SECOND), round(after * SECOND), 10**9, 10**9), 100, 10**10,
         lambda topic, data: Place(data) if topic.endswith("/settings") else None,
@@ -107,7 +107,7 @@ def cut(source, folder, *at, before=5.0, after=5.0):
 
 
 def recorded(folder):
-    """A recording of an estimator that tells its state, of one motion of 3 s."""
+    """Writes the bag of an estimator with its states, during one motion of 3 s."""
     live = LiveBag()
     live.states = True
     return live.write(folder)

@@ -1,4 +1,4 @@
-"""Whatever the umask, nobody else may change what commands and nodes write."""
+"""Tests that other users cannot change what commands and nodes write, with any umask."""
 
 import stat
 import subprocess
@@ -16,7 +16,7 @@ ANY = 'umask 000; exec "$@"'
 
 
 def open_to_others(folder: Path) -> list[str]:
-    """What group or others may write below a folder."""
+    """Returns the files below a folder that group or others may write."""
     return [
         f"{path}: {stat.filemode(path.lstat().st_mode)}"
         for path in folder.rglob("*")

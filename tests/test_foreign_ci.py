@@ -1,10 +1,11 @@
-"""Another repository's CI: the steps of its file, typed by hand in an environment of its own."""
+"""Tests another repository's CI by typing the steps of its file in a new environment."""
 
 import shutil
 import subprocess
 import sys
 import sysconfig
 import zipfile
+from email.parser import HeaderParser
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,8 @@ ROOT = Path(__file__).resolve().parent.parent
 FILE = ROOT / "docs" / "examples" / "ci" / "slosh.yml"
 STEPS = yaml.safe_load(FILE.read_text(encoding="utf-8"))["jobs"]["replay"]["steps"]
 RUN = [step["run"] for step in STEPS if "run" in step]
+OPTIONAL = {"plan", "plc", "fleet", "joints", "modes", "pdf"}
+"""Optional requirements that users install as an extra."""
 MODEL = "src/slosh_bringup/config/model.yaml"
 """That the recordings' manifest names."""
 
@@ -33,7 +36,7 @@ def test_the_file_runs_what_the_pages_say():
 
 @pytest.fixture(scope="module")
 def repository(tmp_path_factory):
-    """A repository with recordings and the wheels; its environment has those, and no ROS."""
+    """Creates a repository with recordings, and an environment with the wheels but no ROS."""
     folder = tmp_path_factory.mktemp("foreign")
     shutil.copytree(ROOT / "bags", folder / "bags")
     (folder / MODEL).parent.mkdir(parents=True)
@@ -52,7 +55,7 @@ def repository(tmp_path_factory):
 
 
 def typed(repository, line):
-    """A line as CI types it, in an environment that knows nothing of this checkout."""
+    """Runs a line as CI types it, in an environment without this checkout."""
     path = f"{repository / 'venv' / 'bin'}:/usr/bin:/bin"
     environment = {"PATH": path, "HOME": str(Path.home())}
     return subprocess.run(
@@ -63,7 +66,10 @@ def typed(repository, line):
 @pytest.mark.long
 def test_its_steps_replay_the_recordings(repository):
     install, replay = RUN
-    assert typed(repository, f"{install} --no-index --no-deps --quiet").returncode == 0
+    # Resolved as from an index: every requirement of every wheel must be met.
+    done = typed(repository, f"{install} 'slosh[plan,modes,tables]' --no-index --quiet")
+    assert done.returncode == 0, done.stderr
+    assert "slosh" not in typed(repository, "pip check").stdout
     where = "import slosh; print(slosh.__file__, slosh.__version__)"
     assert str(repository) in typed(repository, f"python -c '{where}'").stdout
     done = typed(repository, replay)
@@ -74,6 +80,23 @@ def test_its_steps_replay_the_recordings(repository):
     model = repository / MODEL
     model.write_text(model.read_text().replace("fill_height: 0.07", "fill_height: 0.071"))
     assert typed(repository, replay).returncode == 1
+
+
+@pytest.mark.long
+def test_one_wheel_requires_all_others_in_its_version(repository):
+    """So `pip install --find-links` of the one brings a whole that fits together."""
+    wheels = list((repository / "wheels").glob("*.whl"))
+    one = next(wheel for wheel in wheels if wheel.name.startswith("slosh-"))
+    with zipfile.ZipFile(one) as archive:
+        (name,) = (name for name in archive.namelist() if name.endswith("/METADATA"))
+        said = HeaderParser().parsestr(archive.read(name).decode())
+    required = {line for line in said.get_all("Requires-Dist") if ";" not in line}
+    version = said["Version"]
+    direct = {wheel.name.split("-")[0] for wheel in wheels} - {"slosh"}
+    assert {f"{name}=={version}" for name in direct} <= required
+    optional = {path.stem for path in (ROOT / "requirements").glob("*.txt")} & OPTIONAL
+    assert optional == OPTIONAL
+    assert set(said.get_all("Provides-Extra")) >= OPTIONAL
 
 
 @pytest.mark.long

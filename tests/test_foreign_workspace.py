@@ -1,4 +1,4 @@
-"""A copy of this checkout in somebody's own workspace, whose path has blanks and umlauts."""
+"""Tests a copy of this checkout in a workspace whose path has blanks and umlauts."""
 
 import shutil
 import signal
@@ -21,7 +21,7 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(PATIENCE)]
 
 @pytest.fixture(scope="module")
 def workspace(tmp_path_factory):
-    """The workspace, reached by a link, and its environment before it is sourced; it is built."""
+    """Builds a workspace behind a link; returns it with its environment before sourcing."""
     folder = tmp_path_factory.mktemp("home")
     shutil.copytree(ROOT, folder / "Wörk späce/src/slosh", symlinks=True, ignore=LEFT_OUT)
     (folder / "lïnk to it").symlink_to(folder / "Wörk späce")
@@ -46,7 +46,7 @@ def workspace(tmp_path_factory):
 
 
 def in_workspace(workspace, *words):
-    """The command line that runs words in the sourced workspace."""
+    """Returns the command line that runs a command in the sourced workspace."""
     folder, environment = workspace
     script = '. install/setup.bash && exec "$@"'
     return ["bash", "-c", script, "bash", *words], {"cwd": folder, "env": environment}

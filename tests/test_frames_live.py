@@ -1,4 +1,4 @@
-"""Inputs whose frames are those of a robot: transforms, mountings, odometry; live and replayed."""
+"""Tests inputs in a robot's frames, live and replayed: transforms, mountings, odometry."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -27,10 +27,10 @@ TIMES = np.arange(-0.5, 2.6, 0.005)
 
 
 class Robot(HearingRobot):
-    """Speaks on some topics, and hears the estimator."""
+    """ROS node that publishes a robot's topics and collects the estimates."""
 
     def play(self, kind: type, topic: str, made: Callable[[float, Any], Any]) -> np.ndarray:
-        """Sends messages of the motion; returns times [s] and accelerations of the estimates."""
+        """Publishes messages of a motion; returns times [s] and accelerations of the estimates."""
         publisher = self.node.create_publisher(kind, topic, qos.STREAM_OUT)
         self.until(lambda: publisher.get_subscription_count() >= 2, "two readers")
         begin = time.time_ns()
@@ -49,7 +49,7 @@ class Robot(HearingRobot):
 
 @contextmanager
 def cell(folder: Path, domain: int, **own: str) -> Iterator[Robot]:
-    """An estimator, a recorder, and the robot."""
+    """Runs an estimator, a recorder and the simulated robot."""
     (folder / "model.yaml").write_text(TEXT)
     given = {"model": str(folder / "model.yaml"), "max_age": "600.0", **own}
     recorder = NodeProcess("recorder", (), {"output": str(folder / "bag")})
@@ -70,7 +70,7 @@ def cell(folder: Path, domain: int, **own: str) -> Iterator[Robot]:
 
 
 def check(found: np.ndarray, folder: Path, share: float = 0.02) -> None:
-    """The acceleration is the true one, and the recording gives the same numbers again."""
+    """Checks that the acceleration is right, and that the recording replays identically."""
     true = acceleration(found[:, 0])
     # Who subscribes to transforms late hears the motion from there on.
     assert len(found) > 0.6 * len(TIMES)
@@ -91,7 +91,7 @@ def link(parent: str, child: str, place: Any, turn: Any, stamp: Any = None) -> T
 
 
 def fixed(robot: Robot, *links: TransformStamped) -> None:
-    """Publishes transforms that hold for all time."""
+    """Publishes fixed transforms."""
     kind = pytest.importorskip("tf2_msgs.msg").TFMessage
     publisher = robot.node.create_publisher(kind, topics.TF_STATIC, qos.EVENT)
     publisher.publish(kind(transforms=list(links)))
@@ -161,7 +161,7 @@ TURNED = Rotation.from_euler("xyz", [np.pi, 0.0, 0.5])
 
 
 def sensor_acceleration(t: float) -> Any:
-    """Of the accelerometer, in its own axes [m/s²]."""
+    """Returns the accelerometer's acceleration in its own axes [m/s²]."""
     step = 1e-4
 
     def attitude(moment: float) -> Rotation:

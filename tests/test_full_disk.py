@@ -1,4 +1,4 @@
-"""A disk that is full while the recorder writes: what it says, what stays, and that it goes on."""
+"""Tests a recorder on a full disk: its report, the stored data, and that it continues."""
 
 import os
 import resource
@@ -29,7 +29,7 @@ DATA = bytes.fromhex("000100000000000000000000020000006100")
 
 
 class FullDisk:
-    """A file system of 48 MB that other files and a recording have filled."""
+    """A file system of 48 MB, filled by other files and a recording."""
 
     def __init__(self, folder):
         self.ballast, self.bag = folder / "ballast", folder / "bag"
@@ -40,7 +40,7 @@ class FullDisk:
         until(lambda: self.recorder.status().failure, "the disk to be full", act=self.add)
 
     def add(self):
-        """A message that holds its number and cannot be compressed."""
+        """Records a message with its number and incompressible bytes."""
         number = self.count.to_bytes(4, "little")
         self.recorder.add("/h", DATA + number + os.urandom(100_000), self.count)
         self.count += 1

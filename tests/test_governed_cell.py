@@ -1,4 +1,4 @@
-"""`slosh cell` with a governor: a robot that follows it, the recording, its replay, its page."""
+"""Tests `slosh cell` with a governor: robot, recording, replay and page."""
 
 import json
 import signal
@@ -23,7 +23,7 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(200)]
 
 
 class Robot(Graph):
-    """Commands a velocity, moves as the governor says, and measures its acceleration."""
+    """ROS node of a robot that commands a velocity and moves as the governor tells it to."""
 
     def __init__(self):
         super().__init__("robot", topics.NAMESPACE)

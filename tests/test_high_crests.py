@@ -1,4 +1,4 @@
-"""Crests almost as high as the rim, on the near and the far wall, seen by the cell's camera."""
+"""Tests crests almost as high as the rim, on the near and the far wall."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""A live cell and its page, all of whose files are named to forge lines, pages and paths."""
+"""Tests a live cell and its page with file names that try to inject text."""
 
 import json
 import shutil
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.timeout(200)
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder of such a name, with a cell in it."""
+    """Creates a folder with an injecting name, and a cell in it."""
     made = tmp_path / EVIL
     made.mkdir()
     cell = {"model": f"{EVIL}-model.yaml", "calibration": f"{EVIL}-camera.yaml"}
@@ -72,13 +72,13 @@ def test_a_recording_of_a_hostile_name_is_watched_and_said_plainly(
 
 
 def served(port: int) -> str:
-    """The page."""
+    """Returns the HTML page that the cell serves."""
     with urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=30) as answer:
         return str(answer.read().decode())
 
 
 def assert_plain(page: str) -> None:
-    """No element of a page is the names'."""
+    """Asserts that no element of a page comes from a file name."""
     read = Page()
     read.feed(page)
     assert not read.hacked

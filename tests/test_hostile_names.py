@@ -1,4 +1,4 @@
-"""Names of files, bags and topics that would write lines, pages or paths of their own.
+"""Tests names of files, bags and topics that try to inject lines, markup or paths.
 
 Whoever hands over a recording names it. Every command is given such names for all that it reads
 and writes; what it prints is plain lines, what it writes stays where it was told to.
@@ -34,13 +34,13 @@ LONG = pytest.mark.long
 
 
 class Shop(NamedTuple):
-    """What the commands read, all under hostile names, and where they write."""
+    """Input files of the commands, all with injecting names, and the folder for outputs."""
 
     inputs: Path
     outputs: Path
 
     def words(self, line: str) -> list[str]:
-        """The words of a command: `IN…` and `OUT…` are files of hostile names."""
+        """Returns the words of a command; `IN…` and `OUT…` become paths with injecting names."""
         folders = {"IN": self.inputs, "OUT": self.outputs}
         return [
             next((str(at / f"{EVIL}{word[len(name):]}") for name, at in folders.items()
@@ -51,7 +51,7 @@ class Shop(NamedTuple):
 
 @pytest.fixture(scope="module")
 def shop(tmp_path_factory: pytest.TempPathFactory) -> Shop:
-    """Deep enough below pytest's folder that `../../..` would still be seen."""
+    """Creates the input files, several folders deep so that `../../..` would be noticed."""
     made = Shop(*(tmp_path_factory.mktemp("shop") / "a" / "b" / name for name in (EVIL, "out")))
     for folder in made:
         folder.mkdir(parents=True)
@@ -87,7 +87,7 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Shop:
 
 
 def said_by(words: list[str]) -> tuple[int, str]:
-    """Exit code of a command, and all that it prints, as the process `slosh` prints it."""
+    """Runs a command; returns exit code and output as the process `slosh` prints it."""
     said = io.StringIO()
     with redirect_stdout(PlainStream(said)), redirect_stderr(PlainStream(said)):
         code = main(words)
@@ -138,7 +138,7 @@ def test_a_name_writes_no_line_and_no_page_of_its_own(shop: Shop, line: str, cod
 
 
 def check_file(path: Path) -> None:
-    """Whether a result is what it should be whatever names are quoted in it."""
+    """Checks that a result file is well-formed although it quotes injecting names."""
     if path.suffix == ".html":
         page = Page()
         page.feed(path.read_text())

@@ -1,4 +1,4 @@
-"""A robot that publishes its joints alone: estimated live, recorded, and replayed bit for bit."""
+"""Tests a robot that publishes only its joints: estimated live, recorded and replayed."""
 
 import time
 from collections.abc import Iterator
@@ -32,7 +32,7 @@ effects: [{name: vertical_acceleration}, {name: surface_nonlinearity, alpha: 0.5
 
 
 class Driver(HearingRobot):
-    """The drivers of arm, rail and gripper, and who hears the estimator."""
+    """ROS node that publishes the joints of arm, rail and gripper and collects estimates."""
 
     def __init__(self) -> None:
         super().__init__("driver")
@@ -46,7 +46,7 @@ class Driver(HearingRobot):
         self._describe.publish(String(data=RAIL_URDF))
 
     def play(self, times: np.ndarray) -> int:
-        """Sends the joints at times [s] from now on; returns when that was [ns]."""
+        """Publishes the joints at times [s] from now on; returns the start time [ns]."""
         begin = time.time_ns()
         for k, t in enumerate(times.tolist()):
             stamp_ns = begin + round(t * 1e9)
@@ -66,7 +66,7 @@ class Driver(HearingRobot):
 
 @contextmanager
 def cell(folder: Path, domain: int, *others: NodeProcess, **own: str) -> Iterator[Driver]:
-    """An estimator with the input joints, and the robot's drivers."""
+    """Runs an estimator with the input `joints`, and the simulated robot."""
     (folder / "model.yaml").write_text(TEXT)
     given = {
         "model": str(folder / "model.yaml"), "input": "joints", "tool_frame": "cup",
@@ -85,7 +85,7 @@ def cell(folder: Path, domain: int, *others: NodeProcess, **own: str) -> Iterato
 
 
 def truth(t: np.ndarray) -> np.ndarray:
-    """The wave [m] of the true acceleration."""
+    """Returns the wave height [m] that the true acceleration causes."""
     fine = np.arange(t[0], t[-1], 0.001)
     response, _ = simulate(parse_model(TEXT), Inputs(fine, acceleration(fine)))
     return np.interp(t, fine, response.msh)

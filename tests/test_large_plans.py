@@ -1,4 +1,4 @@
-"""Planned motions of very many points, told to a predictor in a process of its own."""
+"""Tests planned motions with very many points, sent to a predictor process."""
 
 import subprocess
 import sys
@@ -32,7 +32,7 @@ SECONDS, PEAK = 6.0, 500e6
 
 
 def large_trajectory(count: int) -> bytes:
-    """A motion of 0.4 m with a point each millisecond, as it goes over the wire."""
+    """Returns the serialised trajectory of a 0.4 m motion with a point every millisecond."""
     rows = np.zeros(count, POINT)
     t = np.arange(count) * 1_000_000
     rows["sec"], rows["nanosec"] = t // 10**9, t % 10**9
@@ -98,7 +98,7 @@ def test_200000_points_are_predicted_within_bounds(predictor: psutil.Process, pr
 
 
 def peak_of(process: psutil.Process) -> int:
-    """The most memory that a process had [bytes]."""
+    """Returns the peak memory of a process [bytes]."""
     (line,) = [
         line for line in Path(f"/proc/{process.pid}/status").read_text().splitlines()
         if line.startswith("VmHWM")

@@ -1,4 +1,4 @@
-"""`ros2 launch slosh_bringup cell.launch.py`: what it starts, what it does when a node ends."""
+"""Tests `ros2 launch` of cell.launch.py: the started nodes, and nodes that end."""
 
 import os
 import signal
@@ -18,7 +18,7 @@ NOW = datetime(2026, 11, 25, 9, 30, 1)
 
 @pytest.fixture
 def launch(monkeypatch, tmp_path):
-    """Launches the cell in a folder of its own."""
+    """Returns a function that launches the cell in a folder of its own."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PYTHONUNBUFFERED", "1")
     module = read_launch_file(monkeypatch)
@@ -27,7 +27,7 @@ def launch(monkeypatch, tmp_path):
 
 @pytest.fixture
 def described(monkeypatch, tmp_path):
-    """The nodes that the launch file describes, with their parameters, by name."""
+    """Returns a function that lists the nodes of the launch file, with their parameters."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(Launch, "_start", lambda self, node: self.started.append(node))
     module = read_launch_file(monkeypatch)
@@ -40,7 +40,7 @@ def described(monkeypatch, tmp_path):
 
 
 def values(node):
-    """A node's own parameters."""
+    """Returns the parameters that are set for a node itself."""
     own = node.parameters[-1].items()
     return {name: v.value if isinstance(v, ParameterValue) else v for name, v in own}
 
@@ -159,7 +159,7 @@ def test_a_recorder_that_is_started_again_leaves_what_is_recorded(monkeypatch, t
 
 
 def bags(tmp_path):
-    """Bags that have begun, by run."""
+    """Returns the bags that are being recorded, by run."""
     return sorted(path.parent for path in tmp_path.glob("out/cell/2*/bag*/*.mcap"))
 
 

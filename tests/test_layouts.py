@@ -1,4 +1,4 @@
-"""The layouts for Foxglove and PlotJuggler show topics and fields that exist."""
+"""Tests that the layouts for Foxglove and PlotJuggler show existing topics and fields."""
 
 import importlib
 import json
@@ -20,7 +20,7 @@ LAYOUTS = config_folder().parent / "layouts"
 
 
 def has(topic, fields):
-    """Whether a message of a topic has a field, of a message of a message."""
+    """Returns True if a topic's message type has a nested field; raises an error otherwise."""
     module, _, name = TYPES[topic].rpartition(".")
     value = getattr(importlib.import_module(module), name)()
     for field in fields:
@@ -33,7 +33,7 @@ def foxglove():
 
 
 def texts(value):
-    """All texts in a document that name a topic."""
+    """Returns all topic names in a nested document."""
     if isinstance(value, dict):
         value = list(value.values())
     if isinstance(value, list):

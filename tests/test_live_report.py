@@ -1,4 +1,4 @@
-"""A run always ends with a report; one without measurements says why there are none."""
+"""Tests that each run ends with a report, which explains missing measurements."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""The monitor's state on real processes: silence, a clock that stands, sides that disagree."""
+"""Tests the monitor's states: silence, a stopped clock, and disagreement."""
 
 import math
 import time
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.timeout(200)
 def monitor_alone(
     folder: Path, domain: int, namespace: str, **nodes: dict[str, str]
 ) -> Iterator[tuple[NodeGroup, RobotNode]]:
-    """Nodes, by name with their parameters, and a robot that has not spoken yet."""
+    """Starts nodes with given parameters, and a robot that has not published yet."""
     (folder / "model.yaml").write_text(MODEL)
     with ExitStack() as stack:
         if not rclpy.ok():
@@ -44,7 +44,7 @@ def monitor_alone(
 
 
 def by_report(robot: RobotNode, reports: int) -> list[list[SloshComparison]]:
-    """The comparisons that come between the monitor's reports, which come once a second."""
+    """Returns the comparisons between successive reports of the monitor, one per second."""
     found = []
     for _ in range(reports):
         robot.health.pop("monitor", None)

@@ -1,4 +1,4 @@
-"""`slosh mounting`: a bag with a sensor and a robot's motion says how the sensor is mounted."""
+"""Tests that `slosh mounting` finds from a bag how a sensor is mounted."""
 
 import json
 from collections.abc import Callable
@@ -38,7 +38,7 @@ Message = tuple[str, str, int, Any]
 
 
 class Recording:
-    """Writes a bag of messages by their fields."""
+    """Writes a bag of messages, given by their fields."""
 
     def __init__(self) -> None:
         self._definitions = Definitions()
@@ -100,7 +100,7 @@ class Recording:
         return self
 
     def mounted(self) -> "Recording":
-        """A fixed transform, a quarter of a turn about z, container <- imu."""
+        """Adds a fixed transform from the sensor to the container, a quarter turn about z."""
         half = np.sqrt(0.5)
         transform = self.make(
             "geometry_msgs/msg/Transform", self.vector((0, 0, 0)),

@@ -1,4 +1,4 @@
-"""The adapter of docs/moveit.md slows, passes and refuses; MoveIt and rclcpp are stand-ins."""
+"""Tests the adapter of docs/moveit.md with replacements of MoveIt and rclcpp."""
 
 import os
 import re
@@ -57,7 +57,7 @@ ASKED = "asked 3 points, last at 1.500000000 s, 0.2 m, limit 0.015\n"
 
 
 def includes():
-    """Folders of the messages' headers, as colcon and the distribution lay them out."""
+    """Returns the include folders of the messages' C++ headers."""
     roots = [ROOT / "ros2_ws/install", Path(sys.prefix), Path("/opt/ros/jazzy")]
     found = [
         folder for root in roots for folder in (root / "include").glob("*") if folder.is_dir()

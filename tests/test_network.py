@@ -1,4 +1,4 @@
-"""Who can hear a cell and speak to it: this machine, and a stranger in another network."""
+"""Tests who can receive from and send to a cell: this machine, not another network."""
 
 import json
 import os
@@ -21,13 +21,13 @@ ROBOT_WAITS, STRANGER_WAITS = 60.0, 6.0
 
 
 def ip(*words: str) -> subprocess.CompletedProcess[bytes]:
-    """Runs `ip`."""
+    """Runs the program `ip` with arguments."""
     return subprocess.run(["ip", *words], capture_output=True, check=False)
 
 
 @pytest.fixture
 def networks() -> Iterator[tuple[str, str]]:
-    """Names of two networks that are joined by a cable: the cell's and the stranger's."""
+    """Creates two connected network namespaces: the cell's and a stranger's."""
     if os.getuid() != 0 or not shutil.which("ip") or not shutil.which("unshare"):
         pytest.skip("needs root, ip and unshare to make networks")
     names = (f"slosh{os.getpid()}a", f"slosh{os.getpid()}b")
@@ -51,7 +51,7 @@ def networks() -> Iterator[tuple[str, str]]:
 
 @contextmanager
 def process(words: list[str], environment: Mapping[str, str]) -> Iterator[subprocess.Popen[str]]:
-    """Runs until the block ends."""
+    """Runs a process until the `with` block ends."""
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env=environment) as running:
         try:
             yield running
@@ -60,12 +60,12 @@ def process(words: list[str], environment: Mapping[str, str]) -> Iterator[subpro
 
 
 def listener(role: str, seconds: float) -> list[str]:
-    """Words that start who listens."""
+    """Returns the command line that starts a listening process."""
     return [sys.executable, "-m", "slosh_testing.who_hears", role, str(seconds)]
 
 
 def answer_of(listening: subprocess.Popen[str]) -> dict[str, Any]:
-    """What it prints when it has heard, or given up."""
+    """Returns the JSON result that a listening process prints at its end."""
     assert listening.stdout
     # The middleware may say things before.
     said = next(line for line in listening.stdout if line.startswith("{"))

@@ -1,4 +1,4 @@
-"""A new shape, added by one file, goes through model, estimator, replay and `slosh simulate`."""
+"""Tests a new container shape, added by one file, from the model to `slosh simulate`."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The pages that are scripts: they run, and what the repository holds is what they give."""
+"""Tests that the pages made by scripts run and equal the files in the repository."""
 
 import re
 
@@ -10,7 +10,7 @@ NUMBER = re.compile(r"-?\d+(\.\d+)?")
 
 
 def outputs(page):
-    """What the cells print, and the rest of the page."""
+    """Returns the printed outputs of a page's cells, and the rest of the page."""
     pattern = re.compile(r"```text\n.*?```", re.DOTALL)
     return pattern.findall(page), pattern.sub("", page)
 

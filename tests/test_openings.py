@@ -1,4 +1,4 @@
-"""A recording is opened once: one reader for the replay and its page."""
+"""Tests that a replay with its page opens a recording once, with one reader."""
 
 import os
 from pathlib import Path
@@ -16,7 +16,7 @@ MOST = 4
 
 @pytest.fixture
 def counts(monkeypatch):
-    """Readers made and times that a recorded MCAP file was opened."""
+    """Returns how many readers were made and how often a recorded file was opened."""
     found = {"readers": 0, "openings": 0}
     made = BagReader.__init__
     path_open, system_open = Path.open, os.open

@@ -1,4 +1,4 @@
-"""No command destroys what is there: not its inputs, and not the results of before."""
+"""Tests that no command destroys its inputs or the results of an earlier run."""
 
 import ast
 import os
@@ -32,12 +32,12 @@ PATIENCE = 60.0
 # A Header of stamp 0 with the frame "a".
 HEADER, DATA = "std_msgs/msg/Header", bytes.fromhex("000100000000000000000000020000006100")
 MANY_MESSAGES, MANY_ROWS, MANY_IMAGES = 200_000, 60_000, 40
-NO_OUTPUT = ("play", "plc", "store", "watch", "doctor", "explain", "mounting")
+NO_OUTPUT = ("migrate", "play", "plc", "store", "watch", "doctor", "explain", "mounting")
 
 
 @pytest.fixture(scope="module")
 def shop(tmp_path_factory):
-    """Inputs for every command, small ones and, as many_*, such whose results take a second."""
+    """Creates inputs for every command; those named many_* take about a second."""
     folder = tmp_path_factory.mktemp("shop")
     for name in ("model.yaml", "camera.yaml"):
         shutil.copy(config_folder() / name, folder / name)
@@ -68,7 +68,7 @@ def shop(tmp_path_factory):
 
 @pytest.fixture
 def own(shop, tmp_path):
-    """A copy of the small inputs, for a command that may destroy them."""
+    """Copies the small inputs, for a command that may destroy them."""
     return shutil.copytree(shop, tmp_path / "own", ignore=shutil.ignore_patterns("many_*"))
 
 
@@ -99,7 +99,7 @@ def make_data_set(folder):
 
 
 def words_of(text, shop, **places):
-    """The words of a command line; SHOP and such stand for paths."""
+    """Returns the words of a command line; SHOP and similar words become paths."""
     words = text.split()
     for name, path in {"SHOP": shop, **places}.items():
         words = [word.replace(name, str(path)) for word in words]
@@ -107,7 +107,7 @@ def words_of(text, shop, **places):
 
 
 def contents(folder):
-    """Every file below a folder, with what is in it."""
+    """Returns the content of every file below a folder, by path."""
     return {path: path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
@@ -147,7 +147,7 @@ INPUT_AS_OUTPUT = [
 
 
 def names_of(file, folder):
-    """Names of one file as people type them; each ends as the command wants it to end."""
+    """Yields different names of one file, each with the suffix that a command needs."""
     for suffix in ("", ".csv"):
         (folder / f"link{file.suffix}{suffix}").symlink_to(file)
         os.link(file, folder / f"hard{file.suffix}{suffix}")
@@ -237,7 +237,7 @@ FULL = -1
 
 @dataclass(frozen=True)
 class Case:
-    """A command and what it writes.
+    """A command and the files that it writes.
 
     Attributes:
         line: with OUT for the output's folder.
@@ -255,7 +255,7 @@ class Case:
 
     @property
     def others(self):
-        """Results of the same command that are whole before this one is begun."""
+        """Earlier complete results of the same command, which must survive."""
         return {"detect": {"a.csv"}}.get(self.line.split()[0], set()) - {self.writes}
 
 
@@ -309,6 +309,10 @@ CASES = {
     "replay --write-manifest": Case(
         "replay OUT/recording --write-manifest", "manifest.yaml", limit=FULL
     ),
+    "report": Case("report --validation SHOP/recording -o OUT/a.html", "a.html", limit=FULL),
+    "report, a PDF": Case(
+        "report --validation SHOP/recording -o OUT/a.pdf", "a.pdf", limit=FULL, library="fpdf"
+    ),
     "export": Case(
         "export SHOP/bag --topic header --overwrite -o OUT/a.csv", "a.csv",
         "export SHOP/many_messages --topic header --overwrite -o OUT/a.csv",
@@ -337,6 +341,10 @@ CASES = {
         "recover SHOP/bag -o OUT/new", "new", "recover SHOP/many_messages -o OUT/new", limit=1_000
     ),
     "new": Case("new OUT/new --radius 0.05 --fill-height 0.07", "new"),
+    "certificates": Case(
+        "certificates OUT --create cell-1.local --replace", "server.pem", limit=1_000,
+        library="cryptography",
+    ),
     "ingest": Case("ingest SHOP/recording --store OUT/new", "new"),
     "query --page": Case(
         "query --store SHOP/stored --page OUT/a.html", "a.html", limit=2_000, library="duckdb"
@@ -362,7 +370,7 @@ QUICK = {"simulate", "detect --video mp4", "replay", "export, parquet", "import 
 
 
 def mostly_long(names, quick):
-    """The names as parameters; the quick ones are tried each time, the others by `test-all`."""
+    """Returns the names as test parameters; all but the quick ones are marked as long."""
     long = pytest.mark.long
     return [pytest.param(name, marks=() if name in quick else long) for name in names]
 
@@ -375,21 +383,21 @@ def test_every_command_that_writes_is_tried():
 
 @pytest.fixture
 def place(tmp_path):
-    """Where the results go."""
+    """Returns the folder for the results."""
     folder = tmp_path / "place"
     folder.mkdir()
     return folder
 
 
 def fill(file):
-    """Leaves no room on a disk."""
+    """Fills a disk until no space is left."""
     with file.open("wb", buffering=0) as ballast, suppress(OSError):
         while True:
             ballast.write(bytes(4096))
 
 
 def start(words, limit=FULL):
-    """Starts the command; no file can become larger than the limit, or than the disk allows."""
+    """Starts a command whose files cannot exceed a size limit, or the disk's space."""
 
     def limited():
         os.nice(5)  # who watches it is to see what it does
@@ -403,7 +411,7 @@ def start(words, limit=FULL):
 
 
 def results_of_before(name, shop, place):
-    """Runs a command that replaces its results, and returns all that is there then."""
+    """Runs a command that replaces its results; returns all files that exist then."""
     if "manifest" in name:
         shutil.copytree(shop / "recording", place / "recording")
     if name not in FOLDERS:
@@ -463,7 +471,7 @@ def test_ctrl_c_leaves_what_was_there(shop, place, name):
 
 
 def seem_untouched(before):
-    """Whether the sizes of the files of before are as they were."""
+    """Returns whether the earlier files have the sizes that they had."""
     return all(path.exists() and path.stat().st_size == len(old) for path, old in before.items())
 
 
@@ -510,7 +518,7 @@ ALLOWED = {
 
 
 def writes(tree):
-    """The lines of a module at which a file would be written or removed."""
+    """Returns the lines of a module that write or remove files."""
     for node in ast.walk(tree):
         if not isinstance(node, ast.Call):
             continue

@@ -1,4 +1,4 @@
-"""Compiled code that is not the program's is found before a height is computed from it."""
+"""Tests that wrong compiled code in the cache is found before it computes a height."""
 
 import os
 import shutil
@@ -39,7 +39,7 @@ FIRST = ("slosh_model.kernel.advance_many", "slosh_estimator.estimate_kernel.ste
 
 @pytest.fixture(scope="module")
 def poisoned(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Copies of the packages, whose cache holds code of one effect with a wrong sign."""
+    """Copies the packages with a cache that holds wrong code of one effect."""
     folder = tmp_path_factory.mktemp("poisoned")
     for package in PACKAGES:
         shutil.copytree(package, folder / package.name)
@@ -61,7 +61,7 @@ def poisoned(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def code_files(folder: Path, work: str = "pass") -> dict[str, Path]:
-    """Where the cache keeps, or would keep, each of the functions; after some work with it."""
+    """Returns the cache files of each compiled function, after some work with the cache."""
     program = f"""
 import slosh_estimator.estimator, slosh_base.compiled.compilation
 for one in slosh_base.compiled.compilation.entry_points():
@@ -75,7 +75,7 @@ for one in slosh_base.compiled.compilation.entry_points():
 
 
 def run(folder: Path, cache: str, *words: str) -> subprocess.CompletedProcess[str]:
-    """Python with the copies in place of the packages."""
+    """Runs Python with the copied packages."""
     path = os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])
     surroundings = {"PYTHONPATH": path, "NUMBA_CACHE_DIR": str(folder / cache)}
     return subprocess.run(

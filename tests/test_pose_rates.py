@@ -1,4 +1,4 @@
-"""Poses at the rates of robots give the heights that the true acceleration gives, or say so."""
+"""Tests that poses at robots' rates give the heights of the true acceleration."""
 
 import functools
 
@@ -36,7 +36,7 @@ def known(kind: str, seed: int) -> tuple[Move, HighestWaves]:
 
 
 def errors(found: HighestWaves, true: HighestWaves) -> tuple[float, float]:
-    """Relative errors of the peak and of the residual; of a small one against the peak."""
+    """Returns relative errors of the peak and of the residual height."""
     floor = 0.4 * true.peak
     return found.peak / true.peak - 1.0, (found.residual - true.residual) / max(
         true.residual, floor

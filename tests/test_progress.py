@@ -1,4 +1,4 @@
-"""Progress: a bar on a terminal, whole at any width; a line now and then elsewhere."""
+"""Tests progress output: a bar of any width on a terminal, plain lines elsewhere."""
 
 import fcntl
 import json
@@ -36,7 +36,7 @@ LONGEST_LOG = 12
 
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory):
-    """What commands work on for two seconds or so."""
+    """Creates inputs on which commands work for about two seconds."""
     folder = tmp_path_factory.mktemp("inputs")
     with BagWriter(folder / "played") as writer:
         writer.add_topic("/header", HEADER)
@@ -83,7 +83,7 @@ def command_of(name, inputs, output):
 
 
 def on_terminal(command, columns, term="xterm"):
-    """Runs a command on a terminal; returns what came there."""
+    """Runs a command on a pseudo-terminal; returns its output."""
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
     environment = {**os.environ, "TERM": term}
@@ -112,7 +112,7 @@ def in_pipe(command):
 
 
 def frames(seen, title):
-    """What a terminal showed of the progress, one picture after another."""
+    """Returns the successive states of the progress bar in a terminal's output."""
     return [frame.rstrip() for frame in re.split(r"[\r\n]+", seen) if frame.startswith(title[:6])]
 
 
@@ -172,7 +172,7 @@ def clock(monkeypatch):
 
 @pytest.fixture
 def told(capsys):
-    """All plain lines that came."""
+    """Returns all plain lines of an output."""
     return lambda: capsys.readouterr().err.splitlines()
 
 

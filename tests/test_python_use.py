@@ -1,4 +1,4 @@
-"""The packages from Python: without tools/run, in notebooks, as tables and charts."""
+"""Tests the packages from Python without tools/run: notebooks, tables and charts."""
 
 import ast
 import json
@@ -26,7 +26,7 @@ MOTION = Inputs(T, np.outer(3.0 * np.sin(9.0 * T) * (T < 1.5), [1.0, 0.3, 0.0]))
 
 
 def python(folder, *words):
-    """Runs the environment's interpreter as a notebook would: with nothing of a shell's setup."""
+    """Runs the environment's Python as a notebook would, without a shell's variables."""
     environment = {"PATH": os.defpath, "HOME": os.environ.get("HOME", "/"), "MPLBACKEND": "Agg"}
     for name in ("XDG_CACHE_HOME", "NUMBA_CACHE_DIR"):  # where the compiled code is
         if name in os.environ:

@@ -1,4 +1,4 @@
-"""Containers of any contour: commands take them, physics holds, impossible ones are named."""
+"""Tests containers of any contour: commands, physics, and errors for impossible ones."""
 
 import json
 from pathlib import Path
@@ -22,7 +22,7 @@ ACCELERATION = 0.4
 
 
 def pushed(path: Path, x: float, y: float) -> Path:
-    """Writes a slowly growing acceleration [m/s²] that ends at once."""
+    """Writes a motion table whose acceleration [m/s²] grows slowly and then stops."""
     t = np.arange(0.0, END, 0.004)
     share = np.clip(t / PUSH, 0.0, 1.0)
     size = share**2 * (3.0 - 2.0 * share) * np.clip((LET_GO + 0.05 - t) / 0.05, 0.0, 1.0)
@@ -38,7 +38,7 @@ def model_of(folder: Path, kind: str, number: int) -> Path:
 
 
 def check_physics(folder: Path, model: Path) -> None:
-    """Static tilt η = -R a/g along both axes; what is let go loses its energy."""
+    """Checks the static tilt η = -R a/g along both axes, and the loss of energy afterwards."""
     container = read_model(model).container
     for axis, name in enumerate(("sh_x", "sh_y")):
         push = (ACCELERATION, 0.0) if axis == 0 else (0.0, ACCELERATION)

@@ -1,4 +1,4 @@
-"""A cell begins when its nodes are ready, and says who is not."""
+"""Tests that a cell begins when its nodes are ready, and names those that are not."""
 
 import os
 import re
@@ -33,5 +33,5 @@ def test_a_node_that_never_gets_ready_ends_the_run_with_its_name(tmp_path):
 
 
 def recorded_motion(bag):
-    """Whether the motion has begun."""
+    """Returns whether the bag contains an acceleration, so that the motion has begun."""
     return any(True for _ in BagReader(bag).messages(["/slosh/accel"]))

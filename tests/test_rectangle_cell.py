@@ -1,4 +1,4 @@
-"""A rectangular tank before a camera, live over DDS: measured, estimated, compared, replayed."""
+"""Tests a rectangular tank with a camera over DDS: measured, estimated and replayed."""
 
 import json
 import signal
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.timeout(200)
 
 @pytest.fixture(scope="module")
 def run(domain, tmp_path_factory):
-    """A run's folder and what was printed."""
+    """Runs the cell; returns the folder of the run and the printed output."""
     folder = tmp_path_factory.mktemp("tank")
     (folder / "model.yaml").write_text(format_model(Model(TANK, damping_ratio=0.03)))
     write_camera(folder / "camera.yaml")

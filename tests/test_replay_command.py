@@ -1,4 +1,4 @@
-"""`slosh replay`: many bags, manifests, checks, and files for other programs."""
+"""Tests `slosh replay`: many bags, manifests, checks and files for other programs."""
 
 import argparse
 import json
@@ -21,7 +21,7 @@ from slosh_testing.live_bag import TEXT, LiveBag
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """Three bags of two seconds; only for reading."""
+    """Writes three bags of two seconds, which tests must not change."""
     folder = tmp_path_factory.mktemp("recorded") / "bags"
     for name, height in (("a", 1.0), ("b", 1.1), ("c", 1.2)):
         live = LiveBag()
@@ -33,7 +33,7 @@ def recorded(tmp_path_factory):
 
 @pytest.fixture
 def bags(recorded, tmp_path):
-    """The same, to be changed."""
+    """Copies the three bags, for tests that change them."""
     return shutil.copytree(recorded, tmp_path / "bags")
 
 
@@ -45,7 +45,7 @@ def changed_model(tmp_path):
 
 
 def replay(capsys, *words, jobs="1"):
-    """Exit code, output, complaints without the progress bar."""
+    """Runs `slosh replay`; returns exit code, output and errors without the progress bar."""
     capsys.readouterr()
     code = main(["replay", "--jobs", jobs, *map(str, words)])
     out, err = capsys.readouterr()
@@ -54,7 +54,7 @@ def replay(capsys, *words, jobs="1"):
 
 
 def table(out):
-    """The first table: bag, images, dropped, events, estimates, verdict."""
+    """Returns the rows of the first printed table, as lists of cells."""
     lines = out.split("\n\n")[0].splitlines()
     return {cells[0]: cells[1:] for cells in (re.split(r"  +", line) for line in lines)}
 

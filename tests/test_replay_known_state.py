@@ -1,4 +1,4 @@
-"""A recording that begins in the middle of a run, or has a hole, goes on from a recorded state."""
+"""Tests that recordings without a known start continue from a recorded state."""
 
 import math
 
@@ -170,3 +170,23 @@ def test_a_mounting_is_applied_again_bit_for_bit(kind, tmp_path):
 def recorded_flags(folder):
     reader = BagReader(folder)
     return [reader.decode(m).flags for m in reader.messages() if m.topic == "/slosh/estimate"]
+
+
+@pytest.mark.parametrize("count", [1, 20])
+def test_estimates_recorded_before_their_inputs_at_the_end_are_not_checked(count, tmp_path):
+    """A recorder of events may end between an estimate and the input that it is made of."""
+    live = LiveBag()
+    live.states = True
+    live.unheard = range(2500 - count, 2500)
+    found = replay_bag(live.write(tmp_path / "bag")).verification
+    assert found.exact, found.lines()
+    assert found.unchecked == {"behind the last recorded input": count}
+
+
+def test_inputs_that_are_lacking_for_long_at_the_end_are_told(tmp_path):
+    live = LiveBag()
+    live.states = True
+    live.unheard = range(2000, 2500)
+    found = replay_bag(live.write(tmp_path / "bag")).verification
+    assert not found.exact
+    assert found.missing > 300

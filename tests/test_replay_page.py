@@ -1,4 +1,4 @@
-"""The page of a real replay in a real browser: it shows the numbers of the files beside it."""
+"""Tests a replay's page in a real browser: it shows the numbers of its JSON file."""
 
 import json
 import re
@@ -28,9 +28,9 @@ return {
 
 @pytest.fixture(scope="module")
 def seen(tmp_path_factory):
-    """Page and figures of three replays, all in one start of the browser.
+    """Returns page contents and JSON figures of three replays, from one browser run.
 
-    Of a check that passes, of one that fails with another model, and of a bag without images.
+    One passes its check, one fails it with another model, one is of a bag without images.
     """
     folder = tmp_path_factory.mktemp("pages")
     live = LiveBag()

@@ -1,4 +1,4 @@
-"""Recordings of every kind: cut into chunks anyhow, late, incomplete, of two cells."""
+"""Tests recordings of many kinds: cut into chunks, late, incomplete or of two cells."""
 
 import json
 import math
@@ -33,14 +33,14 @@ def everything(result):
 
 
 def rewritten(bag, folder, chunk, monkeypatch):
-    """The bag with chunks of about so many bytes."""
+    """Rewrites a bag with chunks of about a given size [bytes]."""
     monkeypatch.setattr("slosh_bag.mcap_files.mcap_file.CHUNK_BYTES", chunk)
     return copied(bag, folder)
 
 
 @pytest.fixture(scope="module")
 def eventful(tmp_path_factory):
-    """Late images, late estimates, gaps of both sides, a restart."""
+    """Writes a bag with late images and estimates, gaps on both sides, and a restart."""
     live = busy(LiveBag())
     lags = np.random.default_rng(1).integers(5, 1990, 3000) * MS
     live.image_lag = lambda index: int(lags[index])
@@ -49,7 +49,7 @@ def eventful(tmp_path_factory):
 
 
 def busy(live):
-    """Gaps, lost messages and a restart."""
+    """Writes a bag with gaps, lost messages and a restart."""
     live.unused = {300, 301, *range(700, 760), 1500}
     live.restarts = {1200}
     live.unrecorded = {900, *range(1200, 1203)}
@@ -132,7 +132,7 @@ FOUND = {
 
 
 def tipped(index: int) -> Quaternion:
-    """Rolls to and fro from the second second on, and yaws."""
+    """Writes a bag whose container rolls to and fro from the second second on, and yaws."""
     second = max(0.002 * index - 1.0, 0.0)
     turn = Rotation.from_euler("ZX", [0.5 * np.sin(2.0 * second), 0.1 * np.sin(3.0 * second)])
     x, y, z, w = turn.as_quat().tolist()
@@ -204,7 +204,7 @@ def test_a_recording_that_begins_late_says_why_it_differs(live, tmp_path):
 
 
 def without_input(bag, folder, first, last):
-    """The bag without the inputs of some indices."""
+    """Writes a copy of a bag without some input messages."""
 
     def kept(message):
         index = (message.log_ns - START) // (2 * MS)

@@ -1,4 +1,4 @@
-"""A recording gives its own estimates again, whatever happened live; or replay says why not."""
+"""Tests that a replay reproduces recorded estimates, or explains why it cannot."""
 
 import math
 

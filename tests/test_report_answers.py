@@ -1,4 +1,4 @@
-"""A report's charts answer a pointer, and the page over many bags sorts, in a real browser."""
+"""Tests in a browser that charts react to the pointer and the index can be sorted."""
 
 import json
 from urllib.parse import quote
@@ -28,7 +28,7 @@ def browser():
 
 @pytest.fixture(scope="module")
 def replayed(tmp_path_factory):
-    """Two bags replayed into one folder."""
+    """Replays two bags into one folder."""
     folder = tmp_path_factory.mktemp("pages")
     live = LiveBag()
     for name, height in (("low", 0.8), ("high", 1.2)):
@@ -43,7 +43,7 @@ def opened(browser, path, **options):
 
 
 def pointed(page, share, kind="mouseMoved", **more):
-    """Moves the pointer to a share of the heights chart's width; returns what the page says."""
+    """Moves the pointer to a fraction of the chart's width; returns the displayed text."""
     box = page.value(f"(() => {{ const b = {CHART}.getBoundingClientRect();"
                      "return [b.left, b.top, b.width, b.height]; })()")  # fmt: skip
     place = {"x": box[0] + share * box[2], "y": box[1] + 0.5 * box[3]}

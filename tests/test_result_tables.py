@@ -1,4 +1,4 @@
-"""Tables of results: CSV files, each shown by a page."""
+"""Tests that each CSV file of results is shown by one page."""
 
 import csv
 import re

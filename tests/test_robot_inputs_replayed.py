@@ -1,4 +1,4 @@
-"""Bags of robots as they are: transforms, odometry, twists and joints, without any cell."""
+"""Tests replays of robots' bags without a cell: transforms, odometry, twists, joints."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -38,7 +38,7 @@ Message = tuple[str, str, int, Any]
 
 
 class Maker:
-    """Makes messages of the types that a bag may hold."""
+    """Creates messages of the types that a robot's bag may contain."""
 
     def __init__(self) -> None:
         self.definitions = Definitions()
@@ -62,7 +62,7 @@ class Maker:
         return self._types["geometry_msgs/msg/Quaternion"](x, y, z, w)
 
     def twist(self, t: float) -> Any:
-        """Of the cup, in the world's axes."""
+        """Returns the velocity message of the cup, in world axes."""
         before, after = (cup_position(*swung(t + k * STEP)) for k in (-1, 1))
         yaw = [float(swung(t + k * STEP)[1:3].sum()) for k in (-1, 1)]
         linear = ((after - before) / (2 * STEP)).tolist()
@@ -110,7 +110,7 @@ class Maker:
             yield "/robot/twist", kind, BEGIN + round(t * 1e9), message
 
     def poses(self) -> Iterator[Message]:
-        """Of the cup in the frame of the robot's base, which stands turned in the world."""
+        """Yields the cup's poses in the frame of the robot's base, turned by 0.7 rad."""
         kind, half = "geometry_msgs/msg/PoseStamped", 0.35
         transform = self._types["geometry_msgs/msg/Transform"](
             self.vector(1.0, 2.0, 0.0), self.turn(0.0, 0.0, np.sin(half), np.cos(half))
@@ -129,7 +129,7 @@ class Maker:
             yield "/slosh/pose", kind, BEGIN + round(t * 1e9), message
 
     def riding(self) -> Iterator[Message]:
-        """Poses of the cup in the frame of the carriage, which moves."""
+        """Yields transforms of a moving carriage, and the cup's poses in its frame."""
         kind, tree = "geometry_msgs/msg/PoseStamped", "tf2_msgs/msg/TFMessage"
         straight = self.turn(0.0, 0.0, 0.0, 1.0)
         for t in TIMES.tolist():
@@ -148,7 +148,7 @@ class Maker:
             yield "/slosh/pose", kind, stamp, message
 
     def imu(self) -> Iterator[Message]:
-        """A sensor on the cup, upside down and turned, as the fixed transforms say."""
+        """Yields messages of an IMU that is mounted upside down and turned."""
         kind, half = "sensor_msgs/msg/Imu", 0.35
         # Container <- sensor: a half turn about x, then 0.7 rad about z.
         turn = self.turn(np.cos(half), np.sin(half), 0.0, 0.0)
@@ -169,7 +169,7 @@ class Maker:
             yield "/imu/data/imu", kind, BEGIN + round(t * 1e9), message
 
     def beside(self) -> Iterator[Message]:
-        """An accelerometer beside the cup, whose lever arm transforms tell, at half its rate."""
+        """Yields messages of an accelerometer beside the cup, and transforms at half its rate."""
         kind, tree = "geometry_msgs/msg/AccelStamped", "tf2_msgs/msg/TFMessage"
         arm, turned = np.array([0.1, -0.05, 0.08]), Rotation.from_euler("xyz", [np.pi, 0.0, 0.5])
         moved, none = self._types["geometry_msgs/msg/Transform"], self.vector(0.0, 0.0, 0.0)
@@ -211,7 +211,7 @@ class Maker:
 
 
 def cup_turn(t: float) -> Rotation:
-    """Attitude world <- cup."""
+    """Returns the attitude of the cup, world ← cup."""
     return Rotation.from_quat(quaternion(*swung(t)[1:]))
 
 
@@ -227,7 +227,7 @@ def write(folder: Path, made: Callable[[Maker], Iterator[Message]]) -> Path:
 
 
 def truth() -> float:
-    """The highest wave of the true acceleration [m]."""
+    """Returns the highest wave [m] that the true acceleration causes."""
     fine = np.arange(TIMES[0], TIMES[-1], 0.001)
     response, _ = simulate(parse_model(TEXT), Inputs(fine, acceleration(fine)))
     return float(response.msh.max())

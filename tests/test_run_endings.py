@@ -1,4 +1,4 @@
-"""However `slosh demo` and `slosh cell` are ended: no node stays, the bag is whole."""
+"""Tests that no node remains and the bag is complete, however a run is ended."""
 
 import contextlib
 import fcntl
@@ -36,7 +36,7 @@ EACH = [
 
 
 def assert_finished(bag):
-    """The recorder has finished the bag."""
+    """Asserts that the recorder has finished the bag."""
     reader = BagReader(bag)
     assert sum(1 for _ in reader.messages(["/slosh/estimate"])) > 100
     assert reader.warnings == []
@@ -47,14 +47,14 @@ def assert_gone(nodes):
 
 
 def reports(folder):
-    """Files of a report, whole or not."""
+    """Returns the files of a report, complete or not."""
     others = ("bag", "logs", "settings.yaml")
     return {path.name for path in folder.iterdir() if path.name not in others}
 
 
 @pytest.fixture
 def demo(tmp_path):
-    """A demonstration in motion that would go on for minutes, and its folder."""
+    """Starts a demonstration that would run for minutes; yields it and its folder."""
     folder = tmp_path / "out" / "latest"
     words = ("demo", "--motion", "l", "--repeat", "100", "-o", str(folder.parent))
     with live_process(*words, output=tmp_path / "words") as running:
@@ -173,7 +173,7 @@ def test_the_nodes_of_a_killed_command_end_and_the_recorder_last(demo):
 
 
 def first_nodes(process):
-    """Waits until a command has started a node; process ids by name."""
+    """Waits until a command has started a node; returns process ids by name."""
     deadline = time.monotonic() + PATIENCE
     while not (found := {node_name(pid): pid for pid in children(process.pid)}):
         assert time.monotonic() < deadline, "no node is started"
@@ -187,7 +187,7 @@ def command_for_minutes(folder):
 
 
 def read_until_recording(descriptor, bag):
-    """Reads what a command prints, so that it never waits for room, until it records."""
+    """Reads a command's output, so that it never blocks, until the recording begins."""
     deadline = time.monotonic() + PATIENCE
     while recorded(bag) < 400_000:
         assert time.monotonic() < deadline, "nothing is recorded"
@@ -197,7 +197,7 @@ def read_until_recording(descriptor, bag):
 
 @contextlib.contextmanager
 def on_a_terminal(folder):
-    """A command for minutes on a terminal of its own; gives its process and the other end."""
+    """Runs a command on its own pseudo-terminal; yields its process and the other end."""
     keyboard, screen = pty.openpty()
     process = subprocess.Popen(
         command_for_minutes(folder),

@@ -1,4 +1,4 @@
-"""Runs of a cell: each has a folder of its own, and no run touches an earlier one's."""
+"""Tests that each run of a cell has its own folder and changes no earlier run."""
 
 import os
 import re
@@ -23,7 +23,7 @@ NAME = re.compile(r"\d{4}-\d\d-\d\dT\d\d-\d\d-\d\d(-\d+)?")
 
 @pytest.fixture
 def cell(tmp_path, domain, monkeypatch):
-    """Starts `slosh cell` in a folder; it is ended with the test."""
+    """Starts `slosh cell` in a folder; ends it after the test."""
     monkeypatch.chdir(tmp_path)
     for name in ("model.yaml", "camera.yaml"):
         shutil.copy(config_folder() / name, tmp_path / name)
@@ -56,7 +56,7 @@ def contents(folder):
 
 
 def recorded(run):
-    """Whether a run's bag holds a message that is on the disk; what is just begun holds none."""
+    """Returns whether a run's bag has a message on disk."""
     begun = any(file.stat().st_size for file in (run / "bag").glob("*.mcap"))
     return begun and any(info.count for info in BagReader(run / "bag").topics().values())
 

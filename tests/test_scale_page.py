@@ -1,4 +1,4 @@
-"""Clicks on the pages of `slosh calibrate` and `slosh new` make commands."""
+"""Tests that clicks on the pages of `slosh calibrate` and `slosh new` make commands."""
 
 import shlex
 
@@ -64,7 +64,7 @@ def press(page, key):
 
 
 def click(page, pixel):
-    """Moves a real mouse to a pixel of the picture, and clicks."""
+    """Moves a real mouse pointer to a pixel of the image, and clicks."""
     x, y = page.value(f"{PLACE}({list(pixel)})")
     page.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
     for kind in ("mousePressed", "mouseReleased"):

@@ -1,4 +1,4 @@
-"""An input that another source contradicts: flagged and named within a motion, over DDS."""
+"""Tests that an input which another source contradicts is named within one motion."""
 
 import time
 from collections.abc import Iterator, Mapping
@@ -30,7 +30,7 @@ CONTRADICTED = SloshEstimate.INPUT_CONTRADICTED
 
 
 class Arm(HearingRobot):
-    """An arm's joints, and a sensor on its cup."""
+    """Publishes the joints of an arm, and a sensor on its cup."""
 
     def __init__(self) -> None:
         super().__init__("arm")
@@ -39,7 +39,7 @@ class Arm(HearingRobot):
         self.imu = self.node.create_publisher(Imu, topics.IMU, qos.STREAM_OUT)
 
     def play(self, rotation: np.ndarray, gain: float = 1.0) -> None:
-        """A motion from rest to rest, by joints and sensor."""
+        """Publishes joints and sensor of a motion from rest to rest."""
         times = np.arange(-0.7, 4.0, 0.005)
         force, rate = (values @ rotation.T for values in felt_on_cup(times))
         begin = (self.played_ns or time.time_ns()) - round(times[0] * 1e9)
@@ -65,7 +65,7 @@ class Arm(HearingRobot):
 
 @contextmanager
 def cell(folder: Path, domain: int, *others: NodeProcess, **own: str) -> Iterator[Arm]:
-    """An estimator that hears both."""
+    """Runs an estimator that receives joints and sensor."""
     (folder / "model.yaml").write_text(TEXT)
     (folder / "robot.urdf").write_text(RAIL_URDF)
     given: Mapping[str, str] = {
@@ -78,7 +78,7 @@ def cell(folder: Path, domain: int, *others: NodeProcess, **own: str) -> Iterato
         with NodeGroup("/slosh", folder / "logs", node_environment(domain)) as group:
             for process in (NodeProcess("estimator", (), given), *others):
                 group.start(process)
-            arm.until(lambda: arm.fact("no motion of both yet"), "both to be heard")
+            arm.until(lambda: arm.fact("no common motion yet"), "both to be heard")
             yield arm
     finally:
         arm.close()

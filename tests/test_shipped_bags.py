@@ -1,4 +1,4 @@
-"""The bags in bags/ give what their manifest states: physics and code have not drifted."""
+"""Tests that the bags in bags/ replay with the results in their manifest."""
 
 from pathlib import Path
 from xml.etree import ElementTree

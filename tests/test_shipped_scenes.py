@@ -1,4 +1,4 @@
-"""Two ray-traced sequences that lie beside the tests: accuracy, wherever the project is cloned.
+"""Tests the camera's accuracy on two ray-traced sequences that come with the tests.
 
 `validation/scenes/render.py nonlinear_dark steep --frames 10` draws them: a crest that second
 order sharpens, and a camera 29° above the horizontal before half-clear green liquid.
@@ -22,7 +22,7 @@ Pairs = list[tuple[FrameTruth, Measurement]]
 
 @pytest.fixture(scope="module", params=NAMES)
 def pairs(request: pytest.FixtureRequest) -> Pairs:
-    """Truth and measurement of each frame."""
+    """Returns exact data and measurement of each frame."""
     sequence = read_sequence(SCENES / request.param)
     detector = learnt_detector(sequence.calibration, sequence.still)
     return [
@@ -32,7 +32,7 @@ def pairs(request: pytest.FixtureRequest) -> Pairs:
 
 
 def of_waves(pairs: Pairs) -> Pairs:
-    """Frames in which the liquid is higher than 3 mm."""
+    """Selects the frames in which the liquid is higher than 3 mm."""
     found = [pair for pair in pairs if pair[0].msh > 3.0 * MM]
     assert len(found) >= 7
     return found

@@ -1,4 +1,4 @@
-"""A stranger's mistakes: each answer is right, or one line with the remedy."""
+"""Tests that each user mistake gets the right answer, or one line with a remedy."""
 
 import pytest
 import stranger
@@ -9,7 +9,7 @@ NORMAL = 4
 
 @pytest.fixture(scope="module")
 def mistakes(tmp_path_factory):
-    """The folder in which the mistakes are made, and all of them."""
+    """Creates the folder for the mistakes; returns all of them."""
     folder = tmp_path_factory.mktemp("stranger")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)

@@ -1,4 +1,4 @@
-"""A third node is a row of the replay's table: it is run, and what was recorded is checked."""
+"""Tests that a third node in the replay's table is run and compared with the recording."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ RAISED = 0.25
 
 
 class Peak:
-    """The greatest estimate so far, raised by what another recorded topic said last."""
+    """Replayed node that returns the greatest estimate, raised by another topic's value."""
 
     def __init__(self, setting) -> None:
         self.peak = self.raised = 0.0
@@ -43,7 +43,7 @@ ROW = ReplayedNode(
 
 
 class PeakBag(LiveBag):
-    """A recording of such a node, whose first answer is wrong by `change`."""
+    """Recording of this node, whose first result is wrong by `change`."""
 
     def __init__(self, change: float) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Three cells on one host: each namespace has its robot, container and limits, and no other's."""
+"""Tests three cells on one host: each has its own robot, container and limits."""
 
 import math
 from collections.abc import Iterator
@@ -57,7 +57,7 @@ class Hall(Graph):
         self.begin = int(self.node.get_clock().now().nanoseconds)
 
     def move(self, first: int, last: int) -> None:
-        """All robots at once, each in its own way."""
+        """Moves all robots at once, each with its own motion."""
         for k in range(first, last):
             for name, (_, size) in CELLS.items():
                 message = AccelStamped()
@@ -78,7 +78,7 @@ def hall(tmp_path: Path) -> Iterator[Hall]:
 
 
 def expected(radius: float, size: float, count: int, begin: int) -> list[float]:
-    """Heights of a cell that is alone."""
+    """Returns the heights that a cell without neighbours would give."""
     estimator = Estimator(parse_model(model(radius)))
     samples = (
         Sample(begin + k * MS, size * math.sin(0.02 * k), 0.0, 0.0, 0.0) for k in range(1, count)

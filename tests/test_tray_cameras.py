@@ -14,6 +14,7 @@ from slosh_bringup.live.cell_setup import read_setup
 from slosh_bringup.live.run_data import read_run
 from slosh_bringup.live.run_result import evaluate
 from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
+from slosh_bringup.replay.containers import further_containers
 from slosh_msgs.msg import FreeSurface, LimitEvent, SloshComparison, TrayEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
@@ -40,7 +41,7 @@ def tray(tmp_path: Path) -> Path:
 
 
 class Cameras:
-    """Two cameras on a turning tray: each reads a wave of its own, as if it saw it."""
+    """Simulates two cameras on a turning tray, each of which reads a wave of its own."""
 
     def __init__(self, robot: HearingRobot) -> None:
         self.robot = robot
@@ -144,8 +145,24 @@ def check(cameras: Cameras, bag: Path) -> None:
     for name in (topics.TRAY_ESTIMATE, "comparison_near", "comparison_far"):
         assert verified[name].exact, verified[name].lines()
     assert verified["comparison_far"].recorded > 60
+    assert_curves(bag, cameras)
     rows = {row.name: row for row in evaluate(read_run(RecordedRun(bag))).agreements}
     assert min(rows[f"camera of {name}"].count for name in ("near", "far")) > 60
+
+
+def assert_curves(bag: Path, cameras: Cameras) -> None:
+    """The report shows what each camera measured, and what was estimated for its container."""
+    run = RecordedRun(bag)
+    curves = {one.title: one for one in further_containers(run, replay_bag(run))}
+    assert list(curves) == list(cameras.surfaces)
+    for name, one in curves.items():
+        seen = [each for each in cameras.compared[name] if not each.measured_stale]
+        count = min(len(seen), len(one.t))
+        assert count > 60
+        known = [[each.measured, each.estimated_nonlinear] for each in seen[:count]]
+        shown = np.column_stack((one.measured, one.nonlinear))[:count]
+        np.testing.assert_array_equal(shown, known)
+        assert one.limit == 0.02
 
 
 def state_of(robot: HearingRobot, name: str) -> str:

@@ -1,4 +1,4 @@
-"""The first steps' pages, typed as they stand: what they promise comes about."""
+"""Tests the first-steps pages by typing their commands; the stated output appears."""
 
 import json
 import math
@@ -21,7 +21,7 @@ LONGEST = 300.0
 
 @pytest.fixture(scope="module")
 def terminal(tmp_path_factory):
-    """A terminal of somebody with an empty home; gives it and the folder of the pages."""
+    """Yields a shell with an empty home, and the folder in which the pages are followed."""
     home = tmp_path_factory.mktemp("home")
     with Shell(tutorial.ROOT, tutorial.environment(home), LONGEST) as shell:
         yield shell, home / "sloshing"
@@ -29,21 +29,21 @@ def terminal(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def cup(terminal):
-    """The folder after the first page."""
+    """Returns the folder after the commands of the first page."""
     list(tutorial.type_page(terminal[0], "cup"))
     return terminal[1]
 
 
 @pytest.fixture(scope="module")
 def camera(terminal, cup):
-    """The folder after the second page."""
+    """Returns the folder after the commands of the second page."""
     list(tutorial.type_page(terminal[0], "camera"))
     return cup
 
 
 @pytest.fixture(scope="module")
 def robot(terminal, camera):
-    """The folder after the third page."""
+    """Returns the folder after the commands of the third page."""
     list(tutorial.type_page(terminal[0], "robot"))
     return camera
 

@@ -1,4 +1,4 @@
-"""The operator's page in a real browser: what it shows is what the topics say, to nobody else."""
+"""Tests the operator's page in a real browser: it shows the topics' values, to nobody else."""
 
 import math
 import os
@@ -36,7 +36,7 @@ pytestmark = [
 
 
 class Voices(threading.Thread):
-    """Camera and monitor of a cell, as far as the page hears them: 50 times a second.
+    """Publishes messages of a cell's camera and monitor 50 times a second, for the page.
 
     Attributes:
         measured: what they say [m].
@@ -67,19 +67,19 @@ class Voices(threading.Thread):
         )
 
     def run(self) -> None:
-        """Speaks until it is ended."""
+        """Publishes until it is stopped."""
         while not self._ended.wait(0.02):
             if self.speaks:
                 self._speak()
 
     def end(self) -> None:
-        """Says no more."""
+        """Stops publishing."""
         self._ended.set()
         self.join()
         self.node.destroy_node()
 
     def event(self, kind: int, text: str) -> None:
-        """An excess begins or ends."""
+        """Publishes the start or end of a limit violation."""
         message = LimitEvent(id=1, kind=kind, limit=0.02, peak=0.03, description=text)
         message.header.stamp = to_time(time.time_ns())
         self._out[LimitEvent].publish(message)
@@ -143,7 +143,7 @@ def voices(domain):
 
 @pytest.fixture(scope="module")
 def cell(domain, voices, tmp_path_factory):
-    """The watch node: its group, and the port of its page."""
+    """Runs the watch node; yields its process group and the port of its page."""
     port = free_port()
     with NodeGroup("/slosh", tmp_path_factory.mktemp("logs"), node_environment(domain)) as group:
         start(group, port)

@@ -1,4 +1,4 @@
-"""The workspace is what colcon, rosdep and ros2 launch expect of it."""
+"""Tests that the workspace has what colcon, rosdep and ros2 launch expect."""
 
 import ast
 import functools
@@ -42,7 +42,7 @@ WITHOUT_KEY = {"dask", "distributed", "lz4", "mcap", "starlette", "zstandard"}
 """Imports for which rosdep has no key: setup.py and requirements/robot.in name them."""
 PIP = {
     "cv2": "opencv-python-headless", "dask": "distributed", "llvmlite": "numba",
-    "markupsafe": "jinja2", "yaml": "PyYAML",
+    "google": "protobuf", "markupsafe": "jinja2", "yaml": "PyYAML",
 }  # fmt: skip
 """Import name to requirement, where it has another."""
 UNSEEN = {"slosh_bringup": {"websockets"}}
@@ -53,6 +53,7 @@ OPTIONAL = {
     "asyncua",
     "casadi",
     "cryptography",
+    "google",
     "pandas",
     "pymodbus",
 }
@@ -70,7 +71,7 @@ def scripts(package):
 
 
 def trees(package):
-    """The syntax of each of a package's own modules and launch files."""
+    """Yields the syntax trees of a package's modules and launch files."""
     for folder in (package / package.name, package / "launch"):
         for path in folder.rglob("*.py"):
             yield ast.parse(path.read_text(encoding="utf-8"))
@@ -78,7 +79,7 @@ def trees(package):
 
 @functools.cache
 def imported(package):
-    """Top-level modules of others that a package imports, and packages whose messages it names."""
+    """Returns the foreign modules that a package imports, and the message packages it names."""
     names = set()
     for node in (node for tree in trees(package) for node in ast.walk(tree)):
         if isinstance(node, ast.Import):
@@ -142,7 +143,7 @@ def test_every_module_and_every_template_is_installed(package, monkeypatch):
 
 
 def setup_keywords(package, monkeypatch):
-    """What a package's setup.py says."""
+    """Returns the arguments of a package's setup.py."""
     said = {}
     monkeypatch.setattr("setuptools.setup", said.update)
     monkeypatch.chdir(package)
@@ -158,7 +159,7 @@ def test_what_is_imported_is_declared_and_nothing_else(package):
 
 
 def bare(requirements):
-    """Names without versions."""
+    """Returns package names without their versions."""
     return {re.split("[<>=]", line)[0] for line in requirements}
 
 
@@ -210,7 +211,7 @@ def test_every_requirement_has_one_exact_version(name):
 
 
 def said(program, environment=None):
-    """What a program prints, as a process of its own."""
+    """Runs a program in its own process; returns its output."""
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, env=environment
     )

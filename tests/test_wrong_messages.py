@@ -1,4 +1,4 @@
-"""Stamps of another time, types and QoS that do not fit, broken files: told, and no harm done."""
+"""Tests messages with wrong stamps, types, QoS or content: reported, without harm."""
 
 import os
 import struct
@@ -42,20 +42,20 @@ LONG = pytest.mark.long
 def cell(
     tmp_path_factory: pytest.TempPathFactory, domain: int
 ) -> Iterator[tuple[NodeGroup, RobotNode]]:
-    """Estimator and monitor, and a robot whose liquid is at rest."""
+    """Runs estimator, monitor, and a robot whose liquid is at rest."""
     with nodes_and_robot(tmp_path_factory.mktemp("cell"), domain) as made:
         yield made
 
 
 @pytest.fixture
 def robot(cell: tuple[NodeGroup, RobotNode]) -> RobotNode:
-    """All is well with it."""
+    """Returns the robot after its nodes have reported no fault."""
     wait_until_well(cell[1])
     return cell[1]
 
 
 def wait_until_well(robot: RobotNode) -> None:
-    """Waits until estimator and monitor have nothing to say against what comes."""
+    """Waits until estimator and monitor report no fault."""
     robot.until(
         lambda: robot.comparisons[-1].state == OK and robot.health["estimator"][0] == OK,
         "the state OK",
@@ -64,7 +64,7 @@ def wait_until_well(robot: RobotNode) -> None:
 
 @contextmanager
 def stranger(domain: int) -> Iterator[Node]:
-    """A node of another process, as it were: one process may not use a topic with two types."""
+    """Yields a node in a DDS context of its own, as one context allows a topic one type."""
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=domain)
     node = Node("stranger", namespace="/slosh", context=context)
@@ -132,7 +132,7 @@ def test_a_flood_of_models_is_outlived(
 
 
 def broken_files() -> Iterator[tuple[str, bytes, str]]:
-    """Formats and data of compressed images, and what is to be said of each."""
+    """Returns formats and contents of invalid compressed images, with the expected reports."""
     view = read_calibration(config_folder() / "camera.yaml").view
     good = cv2.imencode(".jpg", CupRenderer(view).render(0, 0))[1].tobytes()
     huge = bytearray(good)

@@ -1,4 +1,4 @@
-"""Whatever happens to a YAML file that a user edits: a value, or one line that names the file."""
+"""Tests that a damaged YAML file is read, or refused in one line that names the file."""
 
 import os
 import shutil
@@ -59,7 +59,7 @@ def read_bag(path: Path) -> object:
 
 
 class Kind(NamedTuple):
-    """A kind of file: a valid one, who reads it, and what it may raise."""
+    """A kind of YAML file: a valid text, its reader, and the errors that it may raise."""
 
     text: str
     read: Callable[[Path], Any]
@@ -103,7 +103,7 @@ WORDS = st.sampled_from(
 
 @st.composite
 def damages(draw: st.DrawFn) -> Callable[[str], bytes]:
-    """A few changes to the lines of a text, then to its bytes."""
+    """Hypothesis strategy of functions that change lines of a text, then its bytes."""
     changes = draw(st.lists(st.tuples(
         st.sampled_from(["delete", "double", "swap", "value", "insert", "indent", "word"]),
         st.integers(0, 10_000), st.integers(0, 10_000), WORDS,
@@ -147,7 +147,7 @@ def change_lines(lines: list[str], what: str, at: int, other: int, word: str) ->
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Where the files that a cell names are; one folder for all examples."""
+    """Returns a folder with the files that a cell file names, shared by all examples."""
     folder = tmp_path_factory.mktemp("cell")
     for name, kind in (("model", "model"), ("camera", "camera"), ("parameters", "parameters")):
         (folder / f"{name}.yaml").write_text(KINDS[kind].text)

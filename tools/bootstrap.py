@@ -7,7 +7,8 @@ present that ROS is used; otherwise ROS 2 Jazzy comes as wheels into the virtual
 Needs the standard library alone.
 
 Environment variables: SLOSH_VENV (default .venv), SLOSH_PYTHON (an interpreter, 3.11 or 3.12),
-SLOSH_NUMPY (a NumPy version in place of the pinned one).
+SLOSH_NUMPY (a NumPy version in place of the pinned one), SLOSH_RUNTIME_ONLY (1: without
+what tests, lint and documentation need).
 """
 
 from __future__ import annotations
@@ -155,7 +156,9 @@ def once(name: str, folder: Path, inputs: Iterable[bytes], action: Callable[[], 
 
 def requirement_files() -> list[Path]:
     """Returns the files with pinned package versions to install, in order."""
-    names = ["runtime.txt", "development.txt"]
+    names = ["runtime.txt"]
+    if not os.environ.get("SLOSH_RUNTIME_ONLY"):
+        names.append("development.txt")
     return [
         REQUIREMENTS / name
         for name in (names if ROS.is_dir() else ["ros.txt", *names, "plan.txt", "modes.txt"])
@@ -178,7 +181,7 @@ def install_environment(python: Path) -> None:
     if ROS.is_dir():
         # The system's NumPy stays: ROS 2's own binaries are built with it.
         constraint = ["-c", str(REQUIREMENTS / "constraints-jazzy.txt")]
-        inputs = [REQUIREMENTS / "runtime.in", REQUIREMENTS / "development.in"]
+        inputs = [path.with_suffix(".in") for path in requirement_files()]
         run([*pip, *constraint, *flatten("-r", inputs)])
         to_bytecode([site_packages()])
         return

@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from result_tables import with_files
 
 from slosh_base.files import write_text
 from slosh_bringup.cli.main import main as slosh
@@ -322,7 +323,7 @@ def main() -> int:
         f"{slowest:.1f} s at most"
     )
     if given.docs:
-        write_text(PAGE, page(rows))
+        write_text(PAGE, with_files(PAGE, "answers", page(rows)))
     return 1 if wrong else 0
 
 

@@ -2,6 +2,8 @@
 
     tools/run python tools/wheels.py [-o FOLDER]
 
+`slosh` requires all others in its own version, and has the extras of each of them.
+
 They are for replay, planning and analysis, where ROS is not installed: nodes come with the
 workspace.
 Of the programs a wheel brings `slosh` alone; names such as `watch` would hide the system's own.
@@ -17,7 +19,12 @@ import subprocess
 import sys
 import tempfile
 import zipfile
+from collections.abc import Iterable
+from email.parser import HeaderParser
+from email.policy import compat32
 from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree
 
 ROOT = Path(__file__).resolve().parent.parent
 PROGRAM = "[console_scripts]\nslosh = slosh_bringup.cli.main:command\n"
@@ -39,10 +46,60 @@ def main() -> int:
     packages = sorted(path.parent for path in (ROOT / "src").glob("*/setup.py"))
     packages.remove(ROOT / "src" / "slosh_testing")  # this repository's tests alone need it
     with tempfile.TemporaryDirectory() as name:
-        for package in packages:
-            write_installable(built(package, Path(name)), output, package.name == OWNER)
+        wheels = [BuiltWheel(package, built(package, Path(name))) for package in packages]
+        for wheel in wheels:
+            write_installable(wheel, output, required_by(wheel, wheels))
     print(f"{len(packages)} wheels in {output}; to install them: pip install {output}/*.whl")
     return 0
+
+
+class BuiltWheel(NamedTuple):
+    """A package's source folder and the wheel that setuptools made of it."""
+
+    package: Path
+    path: Path
+
+    @property
+    def name(self) -> str:
+        """Import name of the package."""
+        return self.package.name
+
+    @property
+    def version(self) -> str:
+        """Version of the package, from the wheel's file name."""
+        return self.path.name.split("-")[1]
+
+    def extras(self) -> list[str]:
+        """Names of the package's optional requirements, such as `plan`."""
+        with zipfile.ZipFile(self.path) as archive:
+            (name,) = (name for name in archive.namelist() if name.endswith("/METADATA"))
+            text = archive.read(name).decode()
+        return HeaderParser(policy=compat32).parsestr(text).get_all("Provides-Extra", [])
+
+
+def required_by(wheel: BuiltWheel, wheels: Iterable[BuiltWheel]) -> str:
+    """Returns the lines of a wheel's METADATA that require other wheels of this workspace.
+
+    Args:
+        wheel: the one that needs others, as its package.xml says; `slosh` needs all of them.
+        wheels: all that are built.
+    """
+    manifest = ElementTree.parse(wheel.package / "package.xml")
+    needed = {element.text for element in manifest.iter("exec_depend")}
+    others = [one for one in wheels if one != wheel]
+    if wheel.name != OWNER:
+        others = [one for one in others if one.name in needed]
+    lines = [f"Requires-Dist: {one.name}=={one.version}" for one in others]
+    if wheel.name != OWNER:
+        return "".join(f"{line}\n" for line in lines)
+    offered = [(extra, one) for one in others for extra in one.extras()]
+    new = {extra for extra, _ in offered}.difference(wheel.extras())
+    lines += [f"Provides-Extra: {extra}" for extra in sorted(new)]
+    lines += [
+        f'Requires-Dist: {one.name}[{extra}]=={one.version} ; extra == "{extra}"'
+        for extra, one in offered
+    ]
+    return "".join(f"{line}\n" for line in lines)
 
 
 def built(package: Path, room: Path) -> Path:
@@ -64,23 +121,34 @@ def built(package: Path, room: Path) -> Path:
     return wheel
 
 
-def write_installable(wheel: Path, output: Path, brings_program: bool) -> None:
-    """Copies a wheel without the programs of ROS nodes, which the workspace installs."""
-    with zipfile.ZipFile(wheel) as source:
+def write_installable(wheel: BuiltWheel, output: Path, required: str) -> None:
+    """Copies a wheel without the programs of ROS nodes, which the workspace installs.
+
+    Args:
+        wheel: what setuptools made.
+        output: folder of the copy.
+        required: lines for its METADATA.
+    """
+    with zipfile.ZipFile(wheel.path) as source:
         names = [name for name in source.namelist() if not is_program(name)]
         record = next(name for name in names if name.endswith(".dist-info/RECORD"))
         lines = source.read(record).decode().splitlines(keepends=True)
         entry = record.replace("RECORD", "entry_points.txt")
         kept = [line for line in lines if not is_program(line.split(",")[0])]
         files = {name: source.read(name) for name in names}
-    if brings_program:
+    metadata = record.replace("RECORD", "METADATA")
+    # The description comes after an empty line. The old hash of the file is not kept.
+    head, *rest = files[metadata].decode().partition("\n\n")
+    files[metadata] = f"{head.rstrip()}\n{required.rstrip()}{''.join(rest)}".encode()
+    kept = [f"{metadata},,\n" if line.startswith(f"{metadata},") else line for line in kept]
+    if wheel.name == OWNER:
         data = record.replace(".dist-info/RECORD", ".data/data/share/slosh_msgs/msg")
         added = {entry: PROGRAM.encode()}
         added |= {f"{data}/{path.name}": path.read_bytes() for path in MESSAGES.glob("*.msg")}
         files |= added
         kept[-1:-1] = [f"{name},,\n" for name in sorted(added)]
     files[record] = "".join(kept).encode()
-    with zipfile.ZipFile(output / wheel.name, "w", zipfile.ZIP_DEFLATED) as target:
+    with zipfile.ZipFile(output / wheel.path.name, "w", zipfile.ZIP_DEFLATED) as target:
         for name, content in files.items():
             target.writestr(zipfile.ZipInfo(name, FIRST_DAY), content, zipfile.ZIP_DEFLATED)
 

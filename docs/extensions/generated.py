@@ -1,4 +1,4 @@
-"""Puts generated text into the pages as they are built: effects from the registry, parameters.
+"""Puts generated text into the pages as they are built: effects, parameters, commands.
 
 A page holds a marker; `PARTS` says what takes its place.
 """
@@ -13,6 +13,7 @@ from sphinx.application import Sphinx
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 
+import command_table
 import effect_pages
 import parameter_tables
 
@@ -25,7 +26,11 @@ def parts() -> Mapping[str, Callable[[], str]]:
         f"effects/{name}": lambda effect=effect: effect_pages.part(effect)
         for name, effect in EFFECTS.items()
     }
-    return pages | {"effects/index": effect_pages.table, "interfaces": parameter_tables.tables}
+    return pages | {
+        "commands": command_table.tables,
+        "effects/index": effect_pages.table,
+        "interfaces": parameter_tables.tables,
+    }
 
 
 def fill(app: Sphinx, page: str, source: list[str]) -> None:

@@ -59,6 +59,7 @@ setup(
     entry_points={
         "console_scripts": [
             "cell = slosh_bringup.nodes.cell_node:main",
+            "markers = slosh_bringup.nodes.markers_node:main",
             "watch = slosh_bringup.nodes.watch_node:main",
         ]
     },

@@ -9,7 +9,7 @@ PACKAGE = "slosh_estimator"
 
 
 class Develop(develop):
-    """Makes linked programs take Python from PATH, as setup.cfg does for installed ones."""
+    """Makes linked programs use the Python of PATH, as setup.cfg does for installed ones."""
 
     def install_wrapper_scripts(self, dist):
         """Writes the scripts that start the package's programs."""
@@ -32,6 +32,7 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     install_requires=["setuptools", "numba", "numpy>=1.26"],
+    extras_require={"joints": ["pin"]},
     zip_safe=False,
     maintainer="Slosh Monitor maintainers",
     maintainer_email="slosh-monitor@users.noreply.github.com",

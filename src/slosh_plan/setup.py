@@ -9,7 +9,7 @@ PACKAGE = "slosh_plan"
 
 
 class Develop(develop):
-    """Makes linked programs take Python from PATH, as setup.cfg does for installed ones."""
+    """Makes linked programs use the Python of PATH, as setup.cfg does for installed ones."""
 
     def install_wrapper_scripts(self, dist):
         """Writes the scripts that start the package's programs."""

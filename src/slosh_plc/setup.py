@@ -32,7 +32,9 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     install_requires=["setuptools"],
-    extras_require={"plc": ["aiomqtt>=2.4", "asyncua>=2.0", "cryptography", "pymodbus>=3.13"]},
+    extras_require={
+        "plc": ["aiomqtt>=2.4", "asyncua>=2.0", "cryptography", "protobuf>=5", "pymodbus>=3.13"],
+    },
     zip_safe=False,
     maintainer="Slosh Monitor maintainers",
     maintainer_email="slosh-monitor@users.noreply.github.com",

@@ -1,4 +1,4 @@
-"""Parameters that change while a cell works, and a state that is asked for: real processes."""
+"""Tests changed parameters and a requested state in a running cell of real processes."""
 
 import math
 
@@ -31,7 +31,7 @@ READERS = {
 
 
 class Cell(Graph):
-    """Node processes, and a robot with a camera that reads what the estimator says.
+    """Node processes, and a simulated robot with a camera that reads the estimates.
 
     Attributes:
         group: of the processes.
@@ -81,12 +81,12 @@ class Cell(Graph):
             self._surface.publish(surface)
 
     def go_on(self, count: int = 100) -> None:
-        """Waits for so many more estimates."""
+        """Waits for a number of further estimates."""
         wanted = len(self.estimates) + count
         self.until(lambda: len(self.estimates) >= wanted)
 
     def change(self, node: str, **values):
-        """Sets parameters together; the result."""
+        """Sets several parameters of a node together; returns the result."""
         request = SetParametersAtomically.Request(parameters=messages(values))
         name = f"{node}/set_parameters_atomically"
         return self.call(SetParametersAtomically, name, request).result
@@ -140,7 +140,7 @@ def test_each_prediction_starts_from_the_newest_estimate(start, monkeypatch, exe
 
 @pytest.fixture
 def recorded(start, tmp_path):
-    """A cell whose limits and input limits change; its process names, and where its bag is."""
+    """Records a cell whose limits change; returns process names and the path of the bag."""
     bag = tmp_path / "bag"
     limits = {"measured_limit": "1.0", "estimated_limit": "1.0", "disagreement_limit": "1.0"}
     cell = start(

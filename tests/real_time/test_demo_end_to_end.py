@@ -1,4 +1,4 @@
-"""`slosh demo`: five processes over DDS, a bag, a report, and figures that hold."""
+"""Tests `slosh demo`: five processes over DDS, a bag, a report, and correct figures."""
 
 import json
 import math
@@ -23,7 +23,7 @@ EARLIER = [f"{run}{name}" for run in ("", "2026-11-22T10-15-00/") for name in RE
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory):
-    """A run as a user starts it: in a domain that it claims itself."""
+    """Runs `slosh demo` as a user does, in a DDS domain that it reserves itself."""
     folder = tmp_path_factory.mktemp("demo")
     environment = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
     for name in EARLIER:

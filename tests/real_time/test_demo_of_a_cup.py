@@ -1,4 +1,4 @@
-"""`slosh demo --model`: a paper cup through all nodes, and bit for bit in the replay."""
+"""Tests `slosh demo --model`: a paper cup through all nodes, replayed bit for bit."""
 
 import json
 import os

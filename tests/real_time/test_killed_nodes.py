@@ -1,4 +1,4 @@
-"""Each node is killed in turn: the others go on, the monitor says who is silent, the bag stays."""
+"""Tests that killed nodes stop no others, are named by the monitor, and spoil no bag."""
 
 import os
 import signal
@@ -18,7 +18,7 @@ PATIENCE = 30.0
 
 
 class Listener:
-    """Collects what the nodes say."""
+    """Collects the messages of the nodes."""
 
     def __init__(self, logs):
         rclpy.init()
@@ -44,7 +44,7 @@ class Listener:
         return take
 
     def wait_for(self, condition, what, patience=PATIENCE):
-        """Spins until the condition holds; returns how long it took [s]."""
+        """Runs callbacks until a condition holds; returns the time that it took [s]."""
         started = time.monotonic()
         while not condition():
             if time.monotonic() - started > patience:
@@ -54,7 +54,7 @@ class Listener:
         return time.monotonic() - started
 
     def wait_for_more(self, *wanted):
-        """Waits until ten more messages of each topic have come."""
+        """Waits until ten more messages of each topic have been received."""
         goal = {topic: self.seen[topic] + 10 for topic in wanted}
         self.wait_for(lambda: all(self.seen[t] >= n for t, n in goal.items()), f"more of {wanted}")
 

@@ -1,4 +1,4 @@
-"""The recorder is killed at random moments: all files are readable, the last second is lost."""
+"""Tests that a recorder killed at a random moment loses at most the last second."""
 
 import random
 import signal
@@ -22,7 +22,7 @@ FILE_SIZE = 30_000_000  # bytes; the recorder is killed near a split now and the
 
 
 def start(folder, domain):
-    """A source and a recorder, the recorder busy with both topics."""
+    """Starts a message source and a recorder; waits until 5 MB have been recorded."""
     environment = node_environment(domain)
     notes = folder / "sent"
     notes.mkdir(parents=True)
@@ -42,7 +42,7 @@ def start(folder, domain):
 
 
 def kill_once(folder, domain, moment):
-    """Kills a recorder some time after it has begun.
+    """Kills a recorder some time after it has begun to record.
 
     Returns:
         the bag, when it was killed [ns], and the times of sending by topic.
@@ -64,7 +64,7 @@ def kill_once(folder, domain, moment):
 
 
 def numbers(bag):
-    """The numbers of the recorded messages by topic, and the reader's warnings."""
+    """Returns the numbers of the recorded messages by topic, and the reader's warnings."""
     reader = BagReader(bag)
     found = {"accel": [], "image": []}
     for message in reader.messages([f"{NAMESPACE}/{name}" for name in found]):
@@ -76,7 +76,7 @@ def numbers(bag):
 
 
 def check(bag, killed, sent):
-    """How much is lost [s] of each topic; fails where a message before that is missing."""
+    """Returns the lost time [s] of each topic; fails if earlier messages are missing."""
     recorded, warnings = numbers(bag)
     lost = {}
     for name, found in recorded.items():

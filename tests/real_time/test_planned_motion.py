@@ -1,4 +1,4 @@
-"""A planned motion in the simulated cell: told before it begins, measured, and put on record."""
+"""Tests a planned motion in the simulated cell: predicted, measured and recorded."""
 
 import math
 
@@ -21,7 +21,7 @@ TOPICS = {f"/slosh/{name}" for name in ("planned_trajectory", "prediction", "pre
 
 @pytest.fixture(scope="module")
 def line(tmp_path_factory, domain):
-    """The line of 0.4 m, and where its bag is."""
+    """Plans and plays a line of 0.4 m; returns the plan and the path of the bag."""
     folder = tmp_path_factory.mktemp("line")
     return play("p2p", planned("p2p"), folder, domain, record=True), folder / "bag"
 

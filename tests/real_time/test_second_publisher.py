@@ -1,4 +1,4 @@
-"""A second publisher on an estimator's input, as a process of its own, is flagged at once."""
+"""Tests that a second publisher of an estimator's input, in its own process, is flagged."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def source(domain: int, *words: object) -> Iterator[subprocess.Popen[bytes]]:
 
 @pytest.fixture
 def hear(tmp_path: Path, domain: int) -> Iterator[Callable[[str], Listener]]:
-    """Starts an estimator with an input, and hears what it says."""
+    """Yields a function that starts an estimator with an input and collects its messages."""
     rclpy.init(domain_id=domain)
     made = []
 
@@ -55,7 +55,7 @@ def hear(tmp_path: Path, domain: int) -> Iterator[Callable[[str], Listener]]:
 
 
 class Listener(Graph):
-    """Hears estimates: what drove each, and its flags."""
+    """Collects estimates: the input that drove each, and its flags."""
 
     def __init__(self) -> None:
         super().__init__("listener", "/slosh")

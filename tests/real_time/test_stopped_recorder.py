@@ -1,4 +1,4 @@
-"""A recorder that is stopped again and again: one count of what it missed, told everywhere."""
+"""Tests that a repeatedly stopped recorder reports one count of missed messages everywhere."""
 
 import json
 import os

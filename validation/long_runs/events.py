@@ -44,9 +44,9 @@ NODES = ("estimator", "monitor", "recorder")
 GROWTH, BUFFERS = 1.05, 3.0  # 1, MB; what memory may grow from the first half to the second one
 WARM = 180.0  # s, in which a node's memory still grows to its usual size
 OVERLOADED = 0.1
-"""Greatest part of the bags that may not be judged, for messages that were lost."""
+"""Greatest part of the bags that may not be judged, for lost messages or late comparisons."""
 EXACT, TOLD = ("estimate", "fused_estimate"), "comparison"
-"""What a replay gives bit for bit; and what depends on a live monitor's deadlines."""
+"""What a replay gives bit for bit; and what a live monitor's deadlines change under load."""
 
 
 def main() -> int:
@@ -168,7 +168,7 @@ def report(
     for line in overloaded:
         print(f"  {line}")
     grown = [name for name, sizes in memory.items() if has_grown(name, sizes, given.every)]
-    blind = len(overloaded) + unjudged > max(OVERLOADED * wanted, 1)
+    blind = len(overloaded) + unjudged + late > max(OVERLOADED * wanted, 1)
     return int(with_limit != wanted or told != wanted or bool(differing or grown) or blind)
 
 

@@ -1,4 +1,4 @@
-"""Write the table of emergency stops: time, distance and height beside a stop without the liquid.
+"""Fills the table of emergency stops: time, distance and height, also of plain stops.
 
     tools/run python validation/studies/emergency_stop.py [--runs 100] [--half 1] [--workers 1]
 
@@ -50,7 +50,7 @@ TURN = PERIOD * SECOND
 
 
 def moving(seed: int) -> tuple[Governor, list[Governed], np.random.Generator] | None:
-    """A governor in the middle of a stream; None: it does not move fast enough."""
+    """Returns a governor in the middle of a random motion; None if that motion is too slow."""
     rng = np.random.default_rng(seed)
     stream = drawn(rng)
     governor, told = Governor(stream.model, stream.limits, period=PERIOD), []
@@ -62,7 +62,7 @@ def moving(seed: int) -> tuple[Governor, list[Governed], np.random.Generator] | 
 
 
 def stop_of(governor: Governor, told: list[Governed], way: str) -> Array:
-    """(N, 3) acceleration of a stop at the governor's rate [m/s²].
+    """Returns the accelerations (N, 3) [m/s²] of a stop at the governor's rate.
 
     Raises:
         NoSafeStopError: there is none.
@@ -141,7 +141,7 @@ def row(way: str, runs: Array) -> str:
 
 
 def main() -> int:
-    """Runs the command; returns its exit code."""
+    """Simulates all stops and writes the table; returns the exit code."""
     rows = [(partial(run, way), partial(row, way)) for way in WAYS]
     rows += [(partial(run_joints, way), partial(row, way)) for way in JOINT_WAYS]
     return write_table(__doc__, "stops", HEAD, rows, PAGE)

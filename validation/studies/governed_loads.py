@@ -1,4 +1,4 @@
-"""Write the table of governed trays and joints: limits under random commands with wrong models.
+"""Fills the table of governed trays and joints: limits, random commands, wrong models.
 
     tools/run python validation/studies/governed_loads.py [--runs 500] [--half 1] [--workers 1]
 
@@ -60,7 +60,7 @@ HEAD = (
 
 
 class Load(NamedTuple):
-    """What is governed: containers, limits, commands, and the arm whose joints are commanded."""
+    """Containers, limits and commands for the governor, and the arm if joints are commanded."""
 
     tray: Tray
     limits: PlanLimits
@@ -69,7 +69,7 @@ class Load(NamedTuple):
 
 
 class Moves(NamedTuple):
-    """(N, D) velocities, accelerations and places of what is commanded, every PERIOD from rest."""
+    """Velocities, accelerations and positions (N, D) of a motion from rest, every PERIOD."""
 
     velocity: Array
     acceleration: Array
@@ -138,7 +138,7 @@ def moves_of(load: Load, told: list[Governed]) -> Moves:
 
 
 def unregarded(load: Load, commands: Array, before: Moves | None = None) -> Moves:
-    """Returns a motion that follows commands and stops, without regard to the liquid.
+    """Returns a motion that follows commands and then stops, ignoring the liquid.
 
     Args:
         load: the limits of acceleration and jerk; of joints each by its own.
@@ -188,12 +188,12 @@ def inputs_of(load: Load, moves: Moves) -> Inputs:
 
 
 def highest(load: Load, moves: Moves, pairs: list[tuple[float, float]]) -> Array:
-    """Returns the greatest height and use of friction or base, over all liquids, of the limits."""
+    """Returns greatest height and greatest use of friction or base, divided by their limits."""
     inputs, found = inputs_of(load, moves), np.zeros(2)
     for cup in load.tray.containers:
         for pair in pairs:
             liquid: Model = other(cup.model, *pair)
-            liquid = liquid if load.arm is None else liquid.feeling_gravity()
+            liquid = liquid if load.arm is None else liquid.with_gravity_tilt()
             found[0] = max(found[0], simulate(liquid, inputs)[0].msh.max() / cup.limit)
             if cup.standing is not None:
                 found[1] = max(found[1], *standing_use(liquid, cup.standing, inputs))
@@ -201,7 +201,7 @@ def highest(load: Load, moves: Moves, pairs: list[tuple[float, float]]) -> Array
 
 
 def joint_use(load: Load, moves: Moves) -> float:
-    """Returns the greatest position, velocity, acceleration or jerk of a joint, of its limit."""
+    """Returns the greatest position, velocity, acceleration or jerk of a joint by its limit."""
     if load.arm is None:
         return 0.0
     limits = load.arm.limits
@@ -215,7 +215,7 @@ def joint_use(load: Load, moves: Moves) -> float:
 
 
 def drawn_pairs(rng: np.random.Generator, count: int) -> list[tuple[float, float]]:
-    """Draws errors of frequency and damping."""
+    """Draws random errors of natural frequency and damping ratio."""
     return [
         (1.0 + FREQUENCY * rng.uniform(-1.0, 1.0), DAMPING ** rng.uniform(-1.0, 1.0))
         for _ in range(count)
@@ -223,7 +223,7 @@ def drawn_pairs(rng: np.random.Generator, count: int) -> list[tuple[float, float
 
 
 def run(name: str, seed: int) -> tuple[float, ...]:
-    """Governs one load; returns shares of limits, delays [s] and the number of liquids."""
+    """Governs one load; returns used fractions of limits, delays [s] and number of liquids."""
     rng = np.random.default_rng(seed)
     load = LOADS[name](rng)
     pairs = drawn_pairs(rng, 4) + GRID
@@ -243,7 +243,7 @@ def run(name: str, seed: int) -> tuple[float, ...]:
 
 
 def row(name: str, runs: Array) -> str:
-    """Returns a row of the table from (N, 7) of `run`."""
+    """Formats the results (N, 7) of `run` as a table row."""
     peak, use, joints, blind, delay, free, liquids = runs.T
     steps = np.isfinite(delay) & np.isfinite(free)
     above = np.count_nonzero((np.maximum(peak, use) > 1.0) | (joints > 1.0 + 1e-6))

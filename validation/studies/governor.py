@@ -1,4 +1,4 @@
-"""Write the table of the governor: heights under random commands with wrong models.
+"""Fills the table of the governor: heights under random commands with wrong models.
 
     tools/run python validation/studies/governor.py [--runs 5000] [--half 1] [--workers 1]
 
@@ -46,7 +46,7 @@ HEAD = (
 
 
 class Stream(NamedTuple):
-    """A cup with its limit, and what is commanded."""
+    """A cup with its height limit, and the commands to the governor."""
 
     model: Model
     limits: PlanLimits
@@ -102,7 +102,7 @@ def drawn_commands(rng: np.random.Generator, scale: Array, jitter: float, period
 
 
 def other(model: Model, frequency: float, damping: float) -> Model:
-    """The model of a liquid that differs."""
+    """Returns a model with other natural frequency and damping ratio, given as factors."""
     first = model.mode_constants()[0]
     return replace(
         model,
@@ -114,7 +114,7 @@ def other(model: Model, frequency: float, damping: float) -> Model:
 def governed(
     stream: Stream, limits: PlanLimits, truth: Model | None, rng: np.random.Generator
 ) -> tuple[Array, Array, Array]:
-    """(N, 3) velocities, accelerations and (N,) stated margins of a stream and its stop."""
+    """Returns velocities, accelerations (N, 3) and stated margins (N,) of a governed motion."""
     governor = Governor(stream.model, limits, period=PERIOD)
     liquid = None if truth is None else Simulator(truth)
     error = np.zeros(4)
@@ -153,7 +153,7 @@ def tracked(
     velocity: Sequence[float] = (0.0, 0.0, 0.0),
     acceleration: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> tuple[Array, Array]:
-    """(N, 3) velocities and accelerations that follow commands and stop at their end.
+    """Returns velocities and accelerations (N, 3) of a motion that follows commands and stops.
 
     They keep acceleration and jerk alone; what is no number is a stop.
     """
@@ -174,7 +174,7 @@ def tracked(
 
 
 def highest(models: list[Model], acceleration: Array) -> float:
-    """The highest height of a motion over all liquids, sampled every 2 ms [m]."""
+    """Returns the greatest height [m] of a motion over all liquids, sampled every 2 ms."""
     rest = np.zeros((round(WATCHED / PERIOD), 3))
     rows = np.concatenate([np.zeros((1, 3)), acceleration, rest])
     t: Array = PERIOD * np.arange(len(rows), dtype=np.float64)
@@ -185,7 +185,7 @@ def highest(models: list[Model], acceleration: Array) -> float:
 
 
 def delays(commands: Array, velocity: Array) -> float:
-    """Median time until 90 % of a changed velocity that lasts [s]; NaN: there is none."""
+    """Returns the median time [s] until 90 % of a lasting change of velocity; NaN if none."""
     found = []
     with np.errstate(invalid="ignore"):
         steps = np.linalg.norm(np.diff(commands, axis=0), axis=1)
@@ -203,7 +203,7 @@ def delays(commands: Array, velocity: Array) -> float:
 
 
 def run(observed: bool, seed: int) -> tuple[float, ...]:
-    """Highest height over the limit, governed and not; delays [s]; margin over the limit."""
+    """Returns heights by the limit, governed and not, delays [s], and the margin by the limit."""
     rng = np.random.default_rng(seed)
     stream = drawn(rng)
     pairs = [
@@ -223,7 +223,7 @@ def run(observed: bool, seed: int) -> tuple[float, ...]:
 
 
 def row(observed: bool, runs: Array) -> str:
-    """A row of the table from (N, 6) of `run`."""
+    """Formats the results (N, 6) of `run` as a table row."""
     peak, blind, delay, free, margin, liquids = runs.T
     steps = np.isfinite(delay) & np.isfinite(free)
     above = np.mean(blind > 1.0)
@@ -237,7 +237,7 @@ def row(observed: bool, runs: Array) -> str:
 
 
 def main() -> int:
-    """Runs the command; returns its exit code."""
+    """Simulates all random commands and writes the table; returns the exit code."""
     rows = [(partial(run, observed), partial(row, observed)) for observed in (False, True)]
     return write_table(__doc__, "governor", HEAD, rows, PAGE)
 

@@ -41,7 +41,7 @@ from slosh_plan.planning.plan import Plan, plan
 
 Array = NDArray[np.float64]
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "plan.md"
-MODEL = Model(Cylinder(0.05, 0.07)).spatial().nonlinear().feeling_gravity()
+MODEL = Model(Cylinder(0.05, 0.07)).spatial().nonlinear().with_gravity_tilt()
 HEIGHTS = (0.01, 0.02)
 RESIDUAL = 0.5
 ACCELERATION, JERK = 8.0, 200.0
@@ -233,7 +233,7 @@ def joint_constraints(arm: Arm, limits: JointLimits) -> list[Any]:
 
 
 def leg_time(arm: Arm, limits: JointLimits, leg: Leg) -> float:
-    """The shortest time along a leg for the joints' limits but the jerk's, by toppra [s]."""
+    """Returns toppra's shortest time [s] along a leg, for all joint limits except the jerk's."""
     ta: Any = importlib.import_module("toppra")
     ta.setup_logging("ERROR")
     assert isinstance(leg, JointLeg)

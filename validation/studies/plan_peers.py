@@ -75,7 +75,7 @@ WAYS = ("uniform slowing", "toppra, slowed", "ZV shaping", "best known law", PLA
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One path of one carrier.
+    """Results of one path, moved by one carrier: the free cup or a robot.
 
     Attributes:
         carrier: one of CARRIERS.
@@ -97,13 +97,13 @@ class Row:
 
     @property
     def case(self) -> tuple[str, str]:
-        """What tells it from others."""
+        """Carrier and path, which identify the case."""
         return self.carrier, self.name
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """A path of a carrier, and what its motions must keep.
+    """A path of a carrier, with the limits that its motions must keep.
 
     Attributes:
         name: of the path.
@@ -120,7 +120,7 @@ class Task:
     arm: Arm | None = None
 
     def excess(self, motion: PlannedMotion, limits: PlanLimits) -> float:
-        """Largest share by which a motion exceeds a limit, from its positions alone."""
+        """Returns a motion's largest relative excess over a limit, from its positions alone."""
         place, turned, shares = motion.position, None, []
         if self.arm is not None:
             joints = motion.joints
@@ -144,14 +144,14 @@ class Task:
 
 
 def differences(place: Array, order: int) -> Array:
-    """A derivative of rows by time, of a motion that rests before and after it."""
+    """Returns a time derivative of sampled positions, for a motion between two rests."""
     still = np.repeat(place[[0, -1]], 2, axis=0)
     padded = np.concatenate([still[:2], place, still[2:]])
     return np.diff(padded, order, axis=0) / STEP**order
 
 
 def free_task(name: str, points: Array) -> Task:
-    """A cup that moves freely."""
+    """Creates the task of a cup that moves freely along a path."""
     route = path_through(points)
     return Task(name, CUP, route, route)
 
@@ -172,14 +172,14 @@ class Robot:
         self._limits = limits_of(self.arm, machine.joints, own)
 
     def task(self, name: str, points: Array) -> Task:
-        """The robot's path with the cup on a path, somewhere in its reach."""
+        """Creates the task of a path of the cup, placed within the robot's reach."""
         joints = self._joints(path_through(points))
         smooth = replace(self._limits, jerk=np.full(len(self._limits.names), LARGEST))
         route, other = (joint_path(self.arm, one, joints) for one in (self._limits, smooth))
-        return Task(name, CUP.feeling_gravity(), route, other, self.arm)
+        return Task(name, CUP.with_gravity_tilt(), route, other, self.arm)
 
     def _joints(self, route: Route) -> Array:
-        """(N, J) joints along a path, at the first place that is tried where all is reached."""
+        """Returns joint positions (N, J) along a path, at the first reachable trial position."""
         parts = [leg.at(np.linspace(0.0, leg.length, POINTS), 0)[0] for leg in route.legs]
         way = np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
         middle = 0.5 * (way.min(axis=0) + way.max(axis=0))
@@ -198,7 +198,7 @@ class Robot:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundLaw:
-    """toppra's law along a leg: constant second derivative between grid points.
+    """Time law of toppra along a leg, with constant second derivative between grid points.
 
     Attributes:
         grid, rate: path length [m or rad] and its rate of change, at the grid points.
@@ -214,7 +214,7 @@ class FoundLaw:
         )
 
     def slowed(self, factor: float) -> Law:
-        """The law, uniformly slowed."""
+        """Returns the time law, uniformly slowed."""
         moments = self.times()
         change = np.diff(self.rate) / np.diff(moments)
 
@@ -230,7 +230,7 @@ class FoundLaw:
 
 
 def found_law(leg: Leg, arm: Arm | None, limits: PlanLimits) -> FoundLaw:
-    """The fastest law along a leg without regard to the liquid, by toppra."""
+    """Computes the fastest time law along a leg by toppra, ignoring the liquid."""
     ta: Any = importlib.import_module("toppra")
     ta.setup_logging("ERROR")
     grid = np.linspace(0.0, leg.length, 400)
@@ -251,7 +251,7 @@ def found_law(leg: Leg, arm: Arm | None, limits: PlanLimits) -> FoundLaw:
 
 
 def sphere(count: int) -> Array:
-    """Evenly spread directions (count, 3) over half a sphere."""
+    """Returns evenly spread unit vectors (count, 3) over half a sphere."""
     n = np.arange(count) + 0.5
     z, turn = n / count, math.pi * (1.0 + math.sqrt(5.0)) * n
     flat = np.sqrt(1.0 - z**2)
@@ -259,7 +259,7 @@ def sphere(count: int) -> Array:
 
 
 def ways(task: Task) -> tuple[dict[str, Make], list[FoundLaw]]:
-    """Motions by way and duration, and toppra's laws."""
+    """Returns functions from duration to motion for each method, and toppra's time laws."""
     route, period = task.route, 2.0 * math.pi / task.model.mode_constants()[0].natural_frequency
     found = [found_law(leg, task.arm, LIMITS) for leg in task.smooth.legs]
     whole = sum(float(one.times()[-1]) for one in found)
@@ -281,7 +281,7 @@ def ways(task: Task) -> tuple[dict[str, Make], list[FoundLaw]]:
 
 
 def measure(carrier: str, task: Task) -> Row:
-    """One case."""
+    """Plans one case with all methods and returns its results."""
     made, laws = ways(task)
     check, times, excess = Checker(task.model), dict[str, float](), dict[str, float]()
     toppra = replace(LIMITS, jerk=LARGEST)
@@ -303,7 +303,7 @@ def measure(carrier: str, task: Task) -> Row:
 
 
 def table(rows: Sequence[Row]) -> str:
-    """The rows as a page's text; medians of random paths."""
+    """Formats the results as a table, with medians of the random paths."""
     heads = ("carrier", "path", "toppra without the liquid [s]", "its height [mm]",
              *(f"{way} [s]" for way in WAYS), "planned above a limit")  # fmt: skip
     lines = [f"| {' | '.join(heads)} |", f"|---|---|{'--:|' * (len(heads) - 2)}"]
@@ -324,13 +324,13 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def spread(values: Sequence[float]) -> str:
-    """Least and largest of some values."""
+    """Formats the smallest and the largest of some values."""
     low, high = min(values), max(values)
     return f"{low:.0f}" if len(values) == 1 else f"{low:.0f} to {high:.0f}"
 
 
 def closing(rows: Sequence[Row]) -> str:
-    """Medians and excesses."""
+    """Formats the median ratios of times and the largest excess in two sentences."""
     over = sum(row.excess[PLANNED] > TOLERANCE for row in rows)
     worst = max(row.excess[PLANNED] for row in rows)
     shares = ", ".join(f"{ratio(rows, way):.2f} ({way})" for way in WAYS[:-1])
@@ -341,12 +341,12 @@ def closing(rows: Sequence[Row]) -> str:
 
 
 def ratio(rows: Sequence[Row], way: str) -> float:
-    """Median of the planned time by that of another way."""
+    """Returns the median ratio of the planned time to that of another method."""
     return statistics.median(row.times[PLANNED] / row.times.get(way, math.inf) for row in rows)
 
 
 def main() -> int:
-    """Measures what is missing, prints the table; exit code 1 where a plan exceeds a limit."""
+    """Plans missing cases and prints the table; returns 1 if a plan exceeds a limit."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("rows", type=Path, help="measured rows, JSON lines; grows")
     parser.add_argument("--paths", type=int, default=20, help="random paths (default: 20)")

@@ -36,7 +36,7 @@ from slosh_plan.joints import Arm
 BEGIN = 10**18
 RATE, JITTER, RESOLUTION = 125.0, 1e-3, 1e-4
 REST, AFTER, FINE = 0.6, 1.0, 1e-3
-LIQUID = MODEL.feeling_gravity()
+LIQUID = MODEL.with_gravity_tilt()
 
 
 class Error(NamedTuple):

@@ -90,7 +90,7 @@ def as_file(value: Any, argument: str, kinds: str = _MOTION) -> Iterator[Path]:
 def measured_motions(
     data: DataLike | Several[DataLike], model: Model, argument: str = "data"
 ) -> list[MeasuredMotion]:
-    """Returns the measured motions for an argument that holds one or several.
+    """Returns the measured motions of an argument that is one motion or a list of motions.
 
     Raises:
         TypeError: something of it is no data.

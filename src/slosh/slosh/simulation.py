@@ -16,7 +16,7 @@ from slosh_model.gaps import gap_text
 from slosh_model.response import Response
 from slosh_model.simulate import Inputs
 from slosh_model.simulate import simulate as simulate_inputs
-from slosh_model.tilt import feeling
+from slosh_model.tilt import with_tilt
 from slosh_plan.doubts import path_doubts, trajectory_doubts
 from slosh_plan.limits import HeightLimits
 from slosh_plan.planning.limits import ACCELERATION, JERK, RESIDUAL, PlanLimits
@@ -55,13 +55,13 @@ def simulate(model: ModelLike, motion: MotionLike) -> Response:
     """
     used = the_model(model)
     if isinstance(motion, Inputs):
-        return simulate_inputs(feeling(used, motion.attitude), motion)[0]
+        return simulate_inputs(with_tilt(used, motion.attitude), motion)[0]
     with as_file(motion, "motion") as path:
         table = read_motion_table(path)
         check_possible(path, table)
     inputs = table.inputs()
     _warn("motion", (*doubts(used, table), *filter(None, [gap_text(table.t, used)])))
-    return simulate_inputs(feeling(used, inputs.attitude), inputs)[0]
+    return simulate_inputs(with_tilt(used, inputs.attitude), inputs)[0]
 
 
 @overload

@@ -14,7 +14,7 @@ CUP = ["--diameter", "0.08", "--fill-height", "0.06", "--rim-height", "0.11"]
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A folder with the model and recordings of the page 'my cup', as working folder."""
+    """Working folder with the model and the recordings of the page 'my cup'."""
     (tmp_path / "bags").symlink_to(ROOT / "bags")
     monkeypatch.chdir(tmp_path)
     assert main(["new", "cup", *CUP]) == 0

@@ -133,7 +133,7 @@ def read_types(encoding: str, text: str, message_type: str) -> Types:
 
 
 def parts_of(fields: list[tuple[str, Any]]) -> Iterator[tuple[str, int]]:
-    """Yields the nested message types of the fields, each with its number of elements."""
+    """Yields each nested message type of the fields, with its number of elements."""
     for _, (kind, detail) in fields:
         count = detail[1] if kind == Nodetype.ARRAY else 1
         if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):

@@ -29,6 +29,7 @@ from slosh_bag.mcap_files.mcap_index import Index, Window, indexed_chunks, read_
 from slosh_bag.mcap_files.mcap_merge import ChunkSpan, gathered, in_log_order
 from slosh_bag.mcap_files.mcap_summary import FileSummary, read_summary
 from slosh_bag.mcap_files.mcap_walk import McapWalk, is_in_order
+from slosh_bag.mcap_files.remote_path import bag_path
 from slosh_bag.mcap_files.shared_file import shared_files
 from slosh_base.files.nanoseconds import SECOND
 
@@ -98,7 +99,7 @@ class BagReader:
     546
 
     Args:
-        path: folder or file.
+        path: folder or file; a text may be a URL of fsspec, such as s3://bucket/bag.
 
     Attributes:
         path: as given, or the only bag in that folder.
@@ -112,7 +113,7 @@ class BagReader:
     """
 
     def __init__(self, path: str | Path) -> None:
-        path = Path(path)
+        path = bag_path(path)
         self.warnings: list[str] = []
         files, odd = ordered_files(path)
         self.files = shared_files(files)

@@ -127,7 +127,7 @@ class TopicChoice:
         )
 
     def _row(self, topic: str) -> Topic | None:
-        """Returns the row of one of the cell's own or the shared topics; None: it is no such."""
+        """Returns a topic's row in the table of topics if it is to be recorded, otherwise None."""
         if not topic.startswith(self._home):
             return self._shared.get(topic)
         row = topics.row_of(topic.removeprefix(self._home))

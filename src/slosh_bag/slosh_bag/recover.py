@@ -81,7 +81,7 @@ class NotedDefinitions(Definitions):
         self._hashes: dict[str, str] = {}
 
     def note_hash(self, message_type: str, channel: Channel) -> None:
-        """Stores the type hash in a channel's metadata."""
+        """Stores the type hash that a channel's metadata contains, for the message type."""
         self._hashes.setdefault(message_type, channel.metadata.get("topic_type_hash", ""))
 
     def schema(self, message_type: str) -> tuple[str, bytes] | None:

@@ -1,4 +1,4 @@
-"""Retention: oldest first, event bags longer, never the running one, and nobody else's files."""
+"""Tests which bags are deleted: oldest first, event bags later, a running one never."""
 
 import os
 import subprocess
@@ -21,7 +21,7 @@ COMPLETE, EVENT, RUNNING = BagKind
 
 
 def bag(age, size=10, kind=COMPLETE):
-    """A bag that was written so many days ago."""
+    """Returns a bag that was written a given number of days ago."""
     return StoredBag(f"{kind.value}_{age}", NOW - age * DAY, size, kind)
 
 
@@ -87,7 +87,7 @@ def test_limits_that_do_not_fit_are_refused(given, told):
 
 
 def make(folder, age, size=1000):
-    """A bag's files as a recorder leaves them, of an age [day]."""
+    """Writes the files of a bag as a recorder leaves them, with a given age [day]."""
     folder.mkdir(parents=True)
     for name in (f"{folder.name}_0.mcap", "metadata.yaml"):
         (folder / name).write_bytes(bytes(size))
@@ -96,7 +96,7 @@ def make(folder, age, size=1000):
 
 @pytest.fixture
 def runs(tmp_path):
-    """A cell's runs, and beside them what is not the store's."""
+    """Writes the folder of a cell's runs, and files beside them that must be left alone."""
     root = tmp_path / "cell"
     make(root / "2026-01-01T10-00-00" / "bag", 40)
     (root / "2026-01-01T10-00-00" / "report.html").write_text("report")

@@ -69,6 +69,7 @@ def examine() -> Iterator[DoctorFinding]:
     yield library("distributed", "Dask distributed", "2025.1")
     yield optional("pinocchio", "Pinocchio", "motions of joints", "joints.txt")
     yield optional("duckdb", "DuckDB", "slosh query", "fleet.txt")
+    yield optional("fpdf", "fpdf2", "slosh report as PDF", "pdf.txt")
     yield optional("asyncua", "asyncua", "slosh plc", "plc.txt")
     yield guarded(compiled_code)
     yield guarded(message_exchange)

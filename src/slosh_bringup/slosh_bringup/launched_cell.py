@@ -92,6 +92,7 @@ ARGUMENTS = (
     Argument("govern", "", f"limit commands: {', '.join(COMMANDING)}; empty: no governor"),
     Argument("watch", "false", f"serve the operator's page on this machine, port {PORT}"),
     Argument("plc", "false", "serve the cell's state over OPC UA, MQTT or Modbus TCP"),
+    Argument("markers", "false", "publish the surface for RViz and Foxglove"),
     Argument("simulate", "false", "play a motion instead of reading a robot's topics"),
     Argument("motion", "c3", "motion of the simulated cell: a name or a motion table"),
 )
@@ -253,7 +254,7 @@ class LaunchedCell:
         if len(robot) == 1:  # the joints' robot is described by a topic
             robot = {}
         own = {"predict": ("predictor", model | robot), "watch": ("watch", {})}
-        own |= {"plan": ("planner", model), "plc": ("plc", {})}
+        own |= {"plan": ("planner", model), "plc": ("plc", {}), "markers": ("markers", {})}
         return [
             NodeProcess(name, [setup.parameters], parameters, setup.remap)
             for argument, (name, parameters) in own.items()

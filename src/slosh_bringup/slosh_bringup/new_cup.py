@@ -11,6 +11,7 @@ from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any, cast
 
+from slosh_base.files import file_version
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.containers import SHAPES, CupLengths
 from slosh_model.effects.registry import find_effect
@@ -98,6 +99,7 @@ def _model(cup: NewCup) -> str:
     return f"""\
 # The container and its liquid: used by estimator, replay, planning and discovery.
 # All values are in SI units; every key is explained in docs/files.md.
+version: {file_version.MODEL.current}
 container:
 {_container(cup, wall=False)}
 liquid:
@@ -128,6 +130,7 @@ def _cell(cup: NewCup, folder: Path) -> str:
     return f"""\
 # Configuration of a running cell: slosh cell --config {_word(folder / CELL)}
 # Paths are relative to this file.
+version: {file_version.CELL.current}
 model: {MODEL}
 {camera}
 # Namespace of all nodes and topics.
@@ -156,6 +159,7 @@ def _camera(cup: NewCup, folder: Path) -> str:
 # The camera is not calibrated yet: the matrix is zero, and `pose` and `still_image` are missing.
 # STILL is an image of the liquid at rest. These commands overwrite this file (docs/start.md):
 {steps}
+version: {file_version.CAMERA.current}
 image_width: {width}
 image_height: {height}
 camera_name: camera

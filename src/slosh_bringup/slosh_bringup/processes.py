@@ -18,6 +18,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
+from slosh_bag.store.motion_ingest import LONGEST
+from slosh_bag.store.motion_ingest import PARAMETER as MOTIONS
 from slosh_base.files.installed import shared_folder
 from slosh_bringup.errors import SloshBringupError
 from slosh_msgs_py.node.lifeline import Lifelines
@@ -29,6 +31,7 @@ NODES: Mapping[str, str] = {
     "camera": "slosh_camera.nodes.camera_node",
     "estimator": "slosh_estimator.nodes.estimator_node",
     "governor": "slosh_plan.nodes.governor_node",
+    "markers": "slosh_bringup.nodes.markers_node",
     "monitor": "slosh_estimator.nodes.monitor_node",
     "planner": "slosh_plan.nodes.planner_node",
     "plc": "slosh_plc.nodes.plc_node",
@@ -83,7 +86,7 @@ class NodeProcess:
 
 
 def kind_of(name: str) -> str:
-    """Returns which of NODES a node is; the camera of the container left is called camera_left."""
+    """Returns a node's type in NODES; the camera node of container `left` is `camera_left`."""
     return name if name in NODES else name.partition("_")[0]
 
 
@@ -143,6 +146,7 @@ class NodeGroup:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         # Kept open: they can be read although somebody has deleted them.
         self._logs: dict[str, BinaryIO] = {}
+        self._patience = STOP_TIMEOUT
 
     def __enter__(self) -> NodeGroup:
         self._log_folder.mkdir(parents=True, exist_ok=True)
@@ -157,6 +161,8 @@ class NodeGroup:
 
     def start(self, process: NodeProcess) -> None:
         """Starts a node's process; a restarted node appends to its log."""
+        if MOTIONS in process.parameters:  # at its end it waits for `slosh ingest`
+            self._patience = STOP_TIMEOUT + LONGEST
         inherited = self._lifelines.of_node(last=process.name == LAST)
         # Its own session: Ctrl-C reaches this process alone, which stops the nodes in order.
         self._running[process.name] = subprocess.Popen(
@@ -231,18 +237,24 @@ class NodeGroup:
         running, self._running = self._running, {}
         others = {name: process for name, process in running.items() if name != LAST}
         last = {name: process for name, process in running.items() if name == LAST}
-        return stop_processes(others) | stop_processes(last)
+        return stop_processes(others) | stop_processes(last, self._patience)
 
 
-def stop_processes(processes: Mapping[str, subprocess.Popen[bytes]]) -> dict[str, int]:
+def stop_processes(
+    processes: Mapping[str, subprocess.Popen[bytes]], patience: float = STOP_TIMEOUT
+) -> dict[str, int]:
     """Interrupts processes as Ctrl-C does, and kills those that do not end in time.
+
+    Args:
+        processes: by name.
+        patience: time for all of them [s].
 
     Returns:
         exit code by name.
     """
     for process in processes.values():
         process.send_signal(signal.SIGINT)  # not sent to one that has ended
-    deadline = time.monotonic() + STOP_TIMEOUT
+    deadline = time.monotonic() + patience
     for process in processes.values():
         try:
             process.wait(max(deadline - time.monotonic(), 0.0))

@@ -1,4 +1,4 @@
-"""The simulated force sensor: weight, thrust, and a payload that is identified from it."""
+"""Tests the simulated force sensor: weight, inertia, and a payload identified from it."""
 
 import numpy as np
 import pytest

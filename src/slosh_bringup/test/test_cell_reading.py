@@ -88,3 +88,18 @@ def test_a_cell_may_record_events_alone(tmp_path):
     path.write_text(text + "\nrecord: event\n")
     with pytest.raises(SloshBringupError, match="record = 'event' must be complete or events"):
         read_setup(path)
+
+
+def test_a_cell_names_the_store_of_its_motions(tmp_path):
+    (tmp_path / "model.yaml").write_text("container: {shape: cylinder, radius: 1, fill_height: 1}")
+    path = tmp_path / "cell.yaml"
+
+    def parameters(line):
+        path.write_text(f"model: model.yaml\ncamera: none\n{line}\n")
+        return read_setup(path).processes(Path("bag"))[0].parameters
+
+    assert parameters("store_motions: motions")["store_motions"] == str(tmp_path / "motions")
+    assert parameters("store_motions: s3://a/b")["store_motions"] == "s3://a/b"
+    assert "store_motions" not in parameters("")
+    with pytest.raises(SloshBringupError, match=r"store_motions = 3 must be a folder or a URL"):
+        parameters("store_motions: 3")

@@ -160,7 +160,7 @@ def test_each_printed_command_can_be_typed(capsys, discovery, tables, tmp_path, 
 
 @pytest.fixture
 def day():
-    """A recording of the simulated cell."""
+    """Path of a recording of the simulated cell."""
     if not (BAGS / "c3").exists():
         pytest.skip("the recordings are not there")
     return BAGS / "c3"

@@ -21,6 +21,7 @@ from slosh_model.effects.registry import EFFECTS
 from slosh_plan.tables.path_table import PLACES
 from slosh_plan.validity import MotionFlag
 from slosh_report.page.units import UNITS
+from slosh_report.validation import sections
 from slosh_tables.motion_table import ANGULAR_VELOCITY, ATTITUDE, MOTION
 
 
@@ -94,6 +95,7 @@ PAGES = (
     ("slosh_report.page", "macros.html.j2"),
     ("slosh_report.run_report", "report.html.j2"),
     ("slosh_report.index_page", "index.html.j2"),
+    ("slosh_report.validation", "validation.html.j2"),
     ("slosh_plan.plan_report", "plan.html.j2"),
     ("slosh_discovery.discovery_report", "discovery.html.j2"),
     ("slosh_discovery.identification_report", "identification.html.j2"),
@@ -114,6 +116,7 @@ def page_headings():
 
 def printed_heads():
     """Returns the headings of the tables that commands print, read from their source code."""
+    yield from re.findall(r'Column\("([^"]+)"', inspect.getsource(sections))
     for module in (discovered, identified, replay, run_result):
         source = inspect.getsource(module)
         tuples = re.findall(

@@ -1,14 +1,20 @@
-"""Tests `slosh ingest` and `slosh query`: rows once, one line for what is wrong, a page."""
+"""Tests `slosh ingest` and `slosh query`: unique rows, one-line errors, and the page."""
 
+import importlib
 import json
+import os
 import re
+import sys
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from slosh_bringup.cli.main import main
+from slosh_bringup.many_files import KILLED, map_files
 from slosh_replay.fleet.motion_row import COLUMNS, MotionRow
+from slosh_replay.fleet.motions import motions_of
 from slosh_replay.fleet.store import FleetStore
 
 BAGS = Path(__file__).parents[3] / "bags"
@@ -26,8 +32,8 @@ def test_bags_are_ingested_once_and_a_wrong_one_costs_no_other(tmp_path, capsys)
     line += ["--store", str(tmp_path / "store")]
     assert main(line) == 2
     told = capsys.readouterr()
-    assert told.err.count("\n") == 1
-    assert "absent: no such file or folder" in told.err
+    (error,) = (line for line in told.err.splitlines() if line.startswith("slosh ingest:"))
+    assert error.endswith("absent: no such file or folder")
     assert told.out.splitlines()[-1] == f"2 motions of 2 bags in {tmp_path / 'store'}"
     before = sorted((tmp_path / "store").rglob("*"))
     assert main(line) == 2
@@ -37,7 +43,7 @@ def test_bags_are_ingested_once_and_a_wrong_one_costs_no_other(tmp_path, capsys)
 
 @pytest.fixture(scope="module")
 def months(tmp_path_factory):
-    """A store of three months: a container whose frequency falls, another one, and events."""
+    """A store with three months of motions: two containers, one with falling frequency."""
     place = tmp_path_factory.mktemp("fleet") / "store"
     begin = int(datetime(2026, 1, 10, 9, tzinfo=UTC).timestamp()) * 10**9
     numbers = {column.name: 0.01 for column in COLUMNS if column.type == "float"}
@@ -126,6 +132,13 @@ def test_the_page_shows_trends_shifts_and_the_worst_motions(months, tmp_path, ca
     assert worst.index("/bags/&lt;7&gt;") < worst.index("/bags/&lt;0&gt;")
     assert 'href="file:///bags/%3C7%3E"' in worst
     assert "<7>" not in text
+    containers = text[text.index('id="containers"') : text.index('id="months"')]
+    # The frequency falls by 0.01 rad/s a motion: from the 2nd of one model to the 90th.
+    assert re.findall(r"(ab|cd)</code>.*?([+-]\d\.\d{3})<", containers, re.S) == [
+        ("ab", "-0.880"), ("cd", "-0.870")
+    ]  # fmt: skip
+    trends = text[text.index('id="trends"') : text.index('id="containers"')]
+    assert "line_1, cylinder, model cd" in trends
     months_table = text[text.index('id="months"') : text.index('id="shifts"')]
     assert months_table.count("<tr>") == 5  # heading, and two containers in each of two months
     shifts = text[text.index('id="shifts"') : text.index('id="worst"')]
@@ -138,3 +151,76 @@ def test_a_page_without_an_observer_says_so(tmp_path):
     main(["ingest", str(BAGS / "l"), "--store", str(store)])
     assert main(["query", "--store", str(store), "--page", str(page)]) == 0
     assert "natural frequency [rad/s]: not known of any motion" in page.read_text()
+
+
+FIVE = ("l", "l3", "c", "c3", "e")
+WORK = """
+import os
+import signal
+from pathlib import Path
+
+from slosh_bringup.cli.ingest import ingest_task
+
+
+def ingest_or_die(store, bag):
+    if bag.name == "c":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return ingest_task(store, bag)
+"""
+
+
+def told_of(capsys):
+    """What a run has printed of each bag, by the bag's name."""
+    lines = capsys.readouterr().out.splitlines()[:-1]
+    return {line.partition(":")[0].rpartition("/")[2]: line.rpartition(", ")[2] for line in lines}
+
+
+def test_an_interrupted_ingest_goes_on_with_the_rest(tmp_path, capsys, monkeypatch):
+    line = [
+        "ingest",
+        *(str(BAGS / name) for name in FIVE),
+        "--store",
+        str(tmp_path),
+        "--jobs",
+        "1",
+    ]
+    read = []
+
+    def reads(path):
+        if len(read) == 2:
+            raise KeyboardInterrupt
+        read.append(path.name)
+        return motions_of(path)
+
+    monkeypatch.setattr("slosh_replay.fleet.ingest.motions_of", reads)
+    assert main(line) not in (0, 2)
+    assert read == ["l", "l3"]
+    capsys.readouterr()
+    read.clear()
+    monkeypatch.setattr(
+        "slosh_replay.fleet.ingest.motions_of",
+        lambda path: read.append(path.name) or motions_of(path),
+    )
+    assert main(line) == 0
+    assert read == ["c", "c3", "e"]
+    assert told_of(capsys) == dict.fromkeys(FIVE, "stored") | dict.fromkeys(
+        ("l", "l3"), "stored before"
+    )
+
+
+@pytest.mark.long
+def test_a_killed_worker_costs_its_own_bag(tmp_path, monkeypatch, capsys):
+    (tmp_path / "fleet_work.py").write_text(WORK)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    monkeypatch.setenv("PYTHONPATH", path.rstrip(os.pathsep))
+    work = importlib.import_module("fleet_work")
+    store = str(tmp_path / "store")
+    bags = [BAGS / name for name in FIVE]
+    found = list(map_files(partial(work.ingest_or_die, store), bags, jobs=2))
+    del sys.modules["fleet_work"]
+    assert {one.item.name: one.error for one in found if one.error} == {"c": KILLED}
+    assert len(FleetStore(store).dataset().to_table()) == len(FIVE) - 1
+    assert main(["ingest", *map(str, bags), "--store", store, "--jobs", "2"]) == 0
+    assert told_of(capsys) == dict.fromkeys(FIVE, "stored before") | {"c": "stored"}
+    assert len(FleetStore(store).dataset().to_table()) == len(FIVE)

@@ -1,4 +1,4 @@
-"""`slosh motion-map`: files, exit codes, wrong words."""
+"""Tests `slosh motion-map`: files, exit codes and errors for invalid options."""
 
 import json
 import shutil
@@ -12,7 +12,7 @@ MODEL = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07, rim_heigh
 
 @pytest.fixture
 def run(tmp_path, capsys):
-    """Runs the command; returns exit code, output, errors and the folder."""
+    """Runs `slosh motion-map`; returns exit code, output, errors and the results folder."""
     (tmp_path / "model.yaml").write_text(MODEL)
 
     def call(*words, speeds="30:34:2"):

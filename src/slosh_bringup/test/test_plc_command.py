@@ -1,4 +1,4 @@
-"""Tests `slosh plc`, and the keys with which a cell file and a launch start its node."""
+"""Tests `slosh plc`, and the keys with which cell file and launch file start its node."""
 
 import json
 from datetime import datetime
@@ -11,6 +11,7 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.launched_cell import LaunchedCell
 from slosh_bringup.live.cell_setup import read_setup
 from slosh_plc.cell_state import REGISTERS, SIGNALS
+from slosh_testing.live_processes import alive, free_port, live_process
 
 
 def test_the_list_tells_each_value_with_its_address(capsys):
@@ -65,3 +66,17 @@ def test_a_launch_starts_the_node(given, there):
 def test_a_cell_file_says_yes_or_no(tmp_path):
     with pytest.raises(SloshBringupError, match=r"cell\.yaml:3: plc = 'opcua' must be true or"):
         cell(tmp_path, "plc: opcua")
+
+
+def test_sigterm_ends_the_node_with_its_command(tmp_path):
+    pytest.importorskip("pymodbus", reason="not installed (requirements/plc.txt)")
+    file = tmp_path / "plc.yaml"
+    values = f"{{opc_ua_port: 0, modbus_port: {free_port()}}}"
+    file.write_text(f"/**: {{plc: {{ros__parameters: {values}}}}}\n")
+    words = ("plc", "--parameters", str(file))
+    with live_process(*words, output=tmp_path / "words") as plc:
+        plc.wait_for(lambda: "Modbus TCP on" in plc.said, "the node")
+        node = plc.nodes()["plc"]
+        plc.process.terminate()
+        assert plc.end() == 0
+        assert not alive(node)

@@ -184,7 +184,7 @@ def test_of_a_tray_the_worst_container_is_named(capsys, tmp_path):
 
 
 def answer(words):
-    """Runs the command; returns its exit code, also where an option cannot be read."""
+    """Runs `slosh predict`; returns its exit code, also if an option cannot be parsed."""
     try:
         return main(words)
     except SystemExit as stop:

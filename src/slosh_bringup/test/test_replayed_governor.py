@@ -1,11 +1,11 @@
-"""The governor in a replay: its steps come out again from commands and fused estimates."""
+"""Tests that a replay reproduces the governor's steps from commands and fused estimates."""
 
 import numpy as np
 import pytest
 
 from slosh_bringup.replay.replayed_governor import governor_row
 from slosh_estimator.observer.observer import Observer
-from slosh_estimator.observer.states import told_fields
+from slosh_estimator.observer.states import fused_fields
 from slosh_model import format_model
 from slosh_plan.governor import SeenLiquid
 from slosh_plan.governor.parameters import governor_of, velocity_command
@@ -23,7 +23,7 @@ EVERY, AHEAD = 5, 40_000_000
 
 
 class GovernedBag(LiveBag):
-    """A recording of a governor beside an estimator with an observer.
+    """A recording of a governor and of an estimator with an observer.
 
     Its first step tells a wrong share, by `wrong`; the first `cut` seconds are not recorded.
     """
@@ -57,7 +57,7 @@ class GovernedBag(LiveBag):
             self._put(
                 FUSED, now, log_ns, modal_position=modal[:, :2].ravel(),
                 modal_velocity=modal[:, 2:].ravel(), trusted=True, distance_to_rim=np.nan,
-                **told_fields(state, self._observer.counts),
+                **fused_fields(state, self._observer.counts),
             )  # fmt: skip
             seen = SeenLiquid(now, modal, state.msh_stddev, state.frequency_factor)
             self._governor.see(seen)

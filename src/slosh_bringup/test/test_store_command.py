@@ -1,4 +1,4 @@
-"""Tests `slosh store`: it shows first, and deletes only what it has shown, when asked."""
+"""Tests that `slosh store` lists bags, and deletes exactly the listed ones on request."""
 
 import json
 import os
@@ -14,7 +14,7 @@ DAY = 86400.0
 
 @pytest.fixture
 def runs(tmp_path):
-    """Three runs that were recorded 40, 20 and 2 days ago."""
+    """Writes three runs, recorded 40, 20 and 2 days ago."""
     for number, age in ((1, 40), (2, 20), (3, 2)):
         folder = tmp_path / f"2026-01-0{number}T10-00-00" / "bag"
         folder.mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""The list of cells: each with its state, nearest height and page; a silent one is no safe one."""
+"""Tests the list of cells: state, nearest height and page of each; silent ones not safe."""
 
 import math
 

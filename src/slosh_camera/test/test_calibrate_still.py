@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from slosh_camera.calibrate.doubt import ToldDeviations
+from slosh_camera.calibrate.doubt import GivenDeviations
 from slosh_camera.calibrate.fit import Hint
 from slosh_camera.calibrate.pose import place_of, pose_of
 from slosh_camera.calibrate.still import calibrate_by_edges, check_pose
@@ -218,7 +218,7 @@ def test_what_is_in_doubt_is_estimated_and_its_error_is_in_the_heights(make_scen
     told = dataclasses.replace(cup, fill_height=cup.fill_height + 0.002)
     known = calibrate_by_edges(image, truth.camera, cup)
     doubted = calibrate_by_edges(
-        image, zoomed, told, doubt=ToldDeviations(focal_length=0.05, fill_height=0.003)
+        image, zoomed, told, doubt=GivenDeviations(focal_length=0.05, fill_height=0.003)
     )
     assert max(doubted.height_stddev.values()) > max(known.height_stddev.values())
     assert worst_error(truth, doubted) < 3.0 * max(doubted.height_stddev.values())

@@ -1,4 +1,4 @@
-"""Cups with inclined walls, measured through the wall: optics, detection, calibration, file."""
+"""Tests cups with inclined walls: optics, detection, calibration and file."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ TAPERS = (0.137, -0.1, 0.3)
 
 
 def drawn(view: CupView, height: float, azimuth: float) -> cv2.typing.MatLike:
-    """A picture of liquid whose plane surface has its peak on the wall at an azimuth."""
+    """Returns an image of a plane liquid surface with its peak on the wall at an azimuth."""
     cup, image = view.cup, np.full((FINE * 360, FINE * 480), 185, np.uint8)
     line = cup.leaning(cup.upright(height) * np.cos(AROUND - azimuth))
     floor = view.project_wall(AROUND, -cup.fill_height, Wall.FRONT)
@@ -52,19 +52,19 @@ def drawn(view: CupView, height: float, azimuth: float) -> cv2.typing.MatLike:
 
 
 def finer(pixels: Array) -> cv2.typing.MatLike:
-    """Pixels (N, 2) in an image FINE times as large."""
+    """Converts pixels (N, 2) to those of an image that is FINE times as large."""
     return np.round(FINE * (pixels + 0.5) - 0.5).astype(np.int32)[:, np.newaxis]
 
 
 def left_to_right(pixels: Array) -> Array:
-    """The visible ones of pixels (N, 2) along half the wall, from left to right."""
+    """Returns the visible pixels (N, 2) along half the wall, from left to right."""
     seen = pixels[np.isfinite(pixels[:, 0])]
     ordered: Array = seen[np.argsort(seen[:, 0])]
     return ordered
 
 
 def optical_length(view: CupView, entry: Array, point: Array) -> Array:
-    """Way of light from the camera over places on the outer wall (N, 3) to points (N, 3) [m]."""
+    """Returns optical lengths from the camera via outer wall points to points (N, 3) [m]."""
     outside = np.linalg.norm(entry - view.pose.camera_centre, axis=1)
     way: Array = outside + view.cup.wall_refractive_index * np.linalg.norm(point - entry, axis=1)
     return way

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.cylinder.scan_grid import build_scan_grid
-from slosh_camera.cylinder.still_lesson import StillLearner
+from slosh_camera.cylinder.still_reference import StillReferenceFinder
 from slosh_camera.cylinder.surface_choice import SurfaceChooser
 from slosh_camera.cylinder.surface_modes import SHAPES
 from slosh_camera.cylinder.surface_prior import Prior
@@ -245,7 +245,7 @@ def test_a_doubted_liquid_that_hardly_agrees_with_the_image_is_refused(make_scen
         u, v = specks.integers((215, 262), (420, 395))
         spotted[v : v + 14, u : u + 10] = 200
     FreeSurfaceDetector(scene.calibration()).learn_still(spotted)
-    monkeypatch.setattr(StillLearner, "_leans", lambda self, still: True)
+    monkeypatch.setattr(StillReferenceFinder, "_leans", lambda self, still: True)
     doubted = FreeSurfaceDetector(scene.calibration())
     doubted.learn_still(plain)
     assert doubted.doubt

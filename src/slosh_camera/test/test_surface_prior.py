@@ -31,7 +31,7 @@ def at_double_azimuth(size, azimuth):
 @given(sizes, azimuths)
 def test_a_crest_is_expected_to_be_sharper_than_a_trough(size, azimuth):
     """The second-order term raises both the crest and the trough of a wave."""
-    centre, _ = REST.about(wave(size, azimuth), RADIUS)
+    centre, _ = REST.conditional(wave(size, azimuth), RADIUS)
     expected = 0.15 * size**2 / RADIUS
     np.testing.assert_allclose(centre[DOUBLE], at_double_azimuth(expected, azimuth), atol=1e-12)
     sharper = REST.surprise(wave(size, azimuth, at_double_azimuth(expected, azimuth)), RADIUS)
@@ -42,7 +42,7 @@ def test_a_crest_is_expected_to_be_sharper_than_a_trough(size, azimuth):
 @given(sizes, azimuths)
 def test_less_is_known_along_the_wave_than_across_it(size, azimuth):
     """The sharpness along the wave is less certain than its symmetry across the wave."""
-    centre, _ = REST.about(wave(size, azimuth), RADIUS)
+    centre, _ = REST.conditional(wave(size, azimuth), RADIUS)
     more = np.array(at_double_azimuth(1e-3, azimuth))
     askew = np.array(at_double_azimuth(1e-3, azimuth + np.pi / 4))
     along = REST.surprise(wave(size, azimuth, centre[DOUBLE] + more), RADIUS)
@@ -51,7 +51,7 @@ def test_less_is_known_along_the_wave_than_across_it(size, azimuth):
 
 
 def test_what_is_expected_surprises_by_its_first_mode_alone():
-    centre, precision = REST.about(wave(0.02, 0.3), RADIUS)
+    centre, precision = REST.conditional(wave(0.02, 0.3), RADIUS)
     centre[FIRST] = 0.02 * np.cos(0.3), 0.02 * np.sin(0.3)
     first = 0.02 * (0.02 / REST.first) ** 2
     assert REST.surprise(centre, RADIUS) == pytest.approx(first)

@@ -31,7 +31,7 @@ from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.model import Model
 from slosh_model.model_text import format_model, read_model
 from slosh_model.simulate import Inputs
-from slosh_model.tilt import attitude_of, ignored_text, unfelt_tilt
+from slosh_model.tilt import attitude_of, ignored_text, ignored_tilt
 from slosh_replay.recording import settings
 from slosh_replay.recording.sources import CellTopics, recorded_starts
 from slosh_tables.motion_table import MotionTable, is_motion_table, write_motion_table
@@ -217,7 +217,7 @@ def check_paths(data: Sequence[Path], holdout: Sequence[Path], output: Path) -> 
 
 
 def recorded_model(bag: Path) -> Model:
-    """Returns the last model that the estimator used in a bag, or in a folder's last that tells.
+    """Returns the estimator's last model in a bag, or in the last bag of a folder that has one.
 
     Raises:
         SloshDiscoveryError: the bag does not tell.
@@ -375,7 +375,7 @@ def read_all(
 
 def tell_ignored_tilt(base: Model, motions: Motions, tell: Tell) -> None:
     """Warns of motions in which the container tilts but the model ignores tilt."""
-    tilts = {one.name: unfelt_tilt(base, attitude_of(one.inputs)) for one in motions}
+    tilts = {one.name: ignored_tilt(base, attitude_of(one.inputs)) for one in motions}
     tilted = max(motions, key=lambda one: tilts[one.name], default=None)
     text = "" if tilted is None else ignored_text(base, attitude_of(tilted.inputs))
     if tilted is not None and text:

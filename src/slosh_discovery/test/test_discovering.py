@@ -147,6 +147,6 @@ def test_the_largest_tilt_that_the_model_does_not_feel_is_told():
     (line,) = told
     assert line.startswith("tilted: the container tilts by up to 20.1 deg")
     assert not line.wrong  # to name the effect is what a discovery is for
-    tell_ignored_tilt(BASE.feeling_gravity(), tuple(motions), told.append)
+    tell_ignored_tilt(BASE.with_gravity_tilt(), tuple(motions), told.append)
     tell_ignored_tilt(BASE, tuple(motions[:1]), told.append)
     assert len(told) == 1

@@ -63,7 +63,7 @@ class WaveOffset(NamedTuple):
 
 
 class Surfaces(NamedTuple):
-    """The fields of FreeSurface that tell a wave's direction: arrays (N,) or single numbers."""
+    """The fields of FreeSurface that contain a wave's direction: arrays (N,) or single numbers."""
 
     msh: Array
     azimuth: Array

@@ -44,7 +44,7 @@ class CheckedInput:
         return self.check.memory(stamp_ns) if self._remembers else []
 
     def take_up_check(self, stamp_ns: int, memory: Sequence[float]) -> Sequence[float]:
-        """Restores the plausibility check from the last saved numbers; returns the others."""
+        """Restores the plausibility check from the last of the saved numbers; returns the rest."""
         count = self.check.MEMORY
         if not self._remembers or len(memory) < count:
             return memory

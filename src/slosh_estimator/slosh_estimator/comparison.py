@@ -1,4 +1,4 @@
-"""Heights that the monitor compares, and the result of the comparison."""
+"""Heights that the monitor compares, and the difference between them."""
 
 from __future__ import annotations
 

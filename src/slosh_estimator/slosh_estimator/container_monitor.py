@@ -13,7 +13,7 @@ from slosh_model.tray import Tray
 
 
 class ContainerMonitor:
-    """Monitor of a container behind a tray's first, which has a camera of its own.
+    """Monitor of a tray's container, other than the first, with a camera of its own.
 
     Limits of the estimated height are those of `TrayWatch`, which reports them for all containers;
     here they only count for the state of the comparisons.

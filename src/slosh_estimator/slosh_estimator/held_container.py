@@ -1,4 +1,4 @@
-"""What the robot's gripper holds: a container with its fill height, or nothing."""
+"""Content of the robot's gripper: a container with its fill height, or nothing."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TRAY_PLACE: Final = "tray_place"
 
 @dataclass(frozen=True, slots=True)
 class HeldContainer:
-    """What the robot's gripper holds: a container with its fill height, or nothing.
+    """Content of the robot's gripper: a container with its fill height, or nothing.
 
     Attributes:
         model: of the container; where it is empty, of the last one.
@@ -52,7 +52,7 @@ class HeldContainer:
         limit: float = math.nan,
         standing: Sequence[float] = (),
     ) -> HeldContainer:
-        """Returns what the gripper holds after a requested change.
+        """Returns the gripper's content after a requested change.
 
         Args:
             empty: whether the gripper is empty from then on.
@@ -89,7 +89,7 @@ class HeldContainer:
         )  # fmt: skip
 
     def _stands(self, given: Sequence[float], *, other: bool) -> Standing | None:
-        """Returns how the container stands after a change.
+        """Returns mass, base and friction of the container after a change; None if held firmly.
 
         Mass, base and friction of another container do not follow from its model, which tells the
         inside alone; those of the container before would foretell a wrong fall.
@@ -123,7 +123,7 @@ class HeldContainer:
 
 
 def tray_holding(tray: Tray, index: int, held: HeldContainer, limit: float = math.nan) -> Tray:
-    """Returns a copy of the tray in which one place holds another container, or none.
+    """Returns a copy of the tray in which one place has another container, or is empty.
 
     Args:
         tray: before.
@@ -140,12 +140,12 @@ def tray_holding(tray: Tray, index: int, held: HeldContainer, limit: float = mat
 
 
 def changed_place(parameters: Mapping[str, Any]) -> str:
-    """Returns the tray place that recorded settings changed; empty if they set all places."""
+    """Returns the tray place whose container recorded settings changed; empty for all places."""
     return str(parameters.get(TRAY_PLACE) or "")
 
 
 def held_by(message: Any, start: Model) -> HeldContainer:
-    """Returns what the gripper holds according to a ContainerChange message.
+    """Returns the gripper's content according to a ContainerChange message.
 
     Args:
         message: as any middleware decodes it.

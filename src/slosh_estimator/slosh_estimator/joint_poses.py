@@ -100,7 +100,7 @@ class JointPoses:
 
     @property
     def groups(self) -> int:
-        """Number of publishers of joint states, told apart by their sets of joint names."""
+        """Number of publishers of joint states, distinguished by their sets of joint names."""
         return len(self._layouts)
 
     def facts(self) -> dict[str, str]:

@@ -147,7 +147,7 @@ class Monitor:
         return stamp_ns
 
     def carry(self, tray: Tray, stamp_ns: int = 0) -> None:
-        """Monitors the containers of a tray, each by its own limit.
+        """Sets the containers of the tray that are monitored, each with its own limit.
 
         Args:
             tray: the tray.
@@ -170,7 +170,7 @@ class Monitor:
         self.motions.reset()
 
     def add_estimate(self, point: EstimatePoint, arrival_ns: int) -> list[Comparison]:
-        """Adds an estimate; returns the comparisons that can be made with it."""
+        """Adds an estimate; returns comparisons with measurements that it makes possible."""
         self._estimated_at = arrival_ns
         estimates = self._estimates
         if estimates and point.stamp_ns <= estimates[-1].stamp_ns:
@@ -211,7 +211,7 @@ class Monitor:
         return found
 
     def add_measurement(self, point: MeasuredPoint, arrival_ns: int) -> list[Comparison]:
-        """Adds a measurement; returns the comparisons that can be made with it.
+        """Adds a measurement; returns comparisons with estimates that it makes possible.
 
         Without a camera, by the settings, it is not looked at.
         """
@@ -231,7 +231,7 @@ class Monitor:
         return list(self._ready(arrival_ns))
 
     def check(self, now_ns: int) -> list[Comparison]:
-        """Checks timeouts and returns comparisons if the camera or the estimator is silent.
+        """Checks timeouts; returns incomplete comparisons if camera or estimator is silent.
 
         Returns:
             where a side is silent, or no measurement has met an estimate since the last look:
@@ -266,7 +266,7 @@ class Monitor:
         return comparisons
 
     def finish(self) -> list[Comparison]:
-        """Returns comparisons without estimate for measurements still waiting at the run's end."""
+        """Returns incomplete comparisons for measurements without an estimate at the run's end."""
         found = []
         while self._waiting and self._stale(self._estimated_at, self._waiting[-1].arrival_ns):
             found.append(self._without_estimate(self._waiting[-1].arrival_ns))
@@ -353,7 +353,7 @@ class Monitor:
         return self._compare(missing, newest.expected, now_ns, image=False)
 
     def _unmeasured(self, estimate: EstimatePoint | None, now_ns: int) -> Comparison:
-        """Returns a comparison without a measurement."""
+        """Returns a comparison that contains only an estimate, since nothing was measured."""
         newest = self._estimates[-1].stamp_ns if self._estimates else 0
         stamp_ns = estimate.stamp_ns if estimate else max(self._measured_stamp, newest)
         return self._compare(
@@ -449,7 +449,7 @@ class Monitor:
             self._change_limit(source, _NEVER)
 
     def _ready(self, now_ns: int) -> Iterator[Comparison]:
-        """Yields comparisons for waiting measurements that the estimates have reached."""
+        """Yields comparisons for measurements whose stamps the estimates have reached."""
         if not self._estimates:
             return
         delay = self._estimates[-1].delay_ns
@@ -466,7 +466,7 @@ class Monitor:
             yield self._compare(point, estimate, now_ns)
 
     def _without_estimate(self, now_ns: int) -> Comparison:
-        """Returns a comparison of the oldest waiting measurement, without an estimate."""
+        """Returns a comparison that contains only the oldest measurement without an estimate."""
         point = self._waiting.popleft().point
         return self._compare(point, None, now_ns, estimate_stale=True)
 

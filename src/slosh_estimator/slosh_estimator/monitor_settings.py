@@ -81,7 +81,7 @@ class MonitorSettings:
         )
 
     @classmethod
-    def from_told(cls, parameters: Mapping[str, Any]) -> MonitorSettings:
+    def from_partial(cls, parameters: Mapping[str, Any]) -> MonitorSettings:
         """Creates settings from whichever limits the parameters contain; others are unlimited."""
         names = ("measured_limit", "estimated_limit", "disagreement_limit", RIM, RIM_DISTANCE)
         values = [parameters.get(name) for name in names]
@@ -102,7 +102,7 @@ class MonitorSettings:
         }
 
     def at_rim(self, source: Source) -> bool:
-        """Returns whether a quantity is limited by the rim, below any set limit."""
+        """Returns whether the rim limits a quantity, because no lower limit is set."""
         given = {Source.MEASURED: self.measured_limit, Source.ESTIMATED: self.estimated_limit}
         return source in given and bool(self.rim <= np.fmin(given[source], math.inf))
 

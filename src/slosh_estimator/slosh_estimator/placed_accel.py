@@ -154,7 +154,7 @@ class PlacedAccel:
 
 
 def _around(arms: deque[Sample], stamp_ns: int) -> tuple[Sample, Sample] | None:
-    """Returns the lever-arm samples just before and after a stamp; drops earlier ones."""
+    """Returns the transforms' samples just before and after a stamp; drops earlier ones."""
     while len(arms) > 1 and arms[1].stamp_ns <= stamp_ns:
         arms.popleft()
     before = arms[0]

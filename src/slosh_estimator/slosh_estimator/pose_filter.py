@@ -63,7 +63,7 @@ class PoseFilter(NamedTuple):
 
     @classmethod
     def smoothing(cls, modes: Modes, delay: float, order: int = 2) -> PoseFilter:
-        """Creates a delayed filter: the lowest polynomial degree that passes the modes.
+        """Creates a filter of given delay with the lowest degree that passes the modes.
 
         A higher degree carries them over a longer window, which averages more noise.
 
@@ -123,7 +123,7 @@ class PoseFilter(NamedTuple):
 
 @compiled
 def _fit(tau: Any, scale: float, values: Any, terms: int) -> Any:
-    """Fits polynomials in tau/scale, relative to the centre's value; returns (3, terms).
+    """Returns coefficients (3, terms) of polynomials in tau/scale, relative to the centre.
 
     The centre is where tau is 0.
     """
@@ -165,7 +165,7 @@ def _change(row: Any, x: float) -> float:
 
 @compiled
 def _even(tau: Any, interval: float, out: Any) -> None:
-    """Fits equally spaced times to measured times, with steps close to an interval.
+    """Replaces measured times by equally spaced ones, a multiple of about `interval` apart.
 
     They count from the one that belongs to the centre; the last place receives that one's own.
     """
@@ -312,7 +312,7 @@ def _turned(attitude: Any, px: float, py: float, pz: float) -> Any:
 
 @compiled
 def _off_frame(px: float, py: float, pz: float, ux: float, uy: float, uz: float) -> Any:
-    """Converts the derivative u of a rotation vector p to body axes, to first order."""
+    """Converts the derivative u of a rotation vector p to angular velocity, to first order."""
     return (
         ux - 0.5 * (py * uz - pz * uy),
         uy - 0.5 * (pz * ux - px * uz),

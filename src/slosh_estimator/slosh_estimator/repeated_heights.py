@@ -52,7 +52,7 @@ class RepeatedHeights:
         return any(self._in_turn(count, same, moves) for count in range(1, TUNING.in_turn + 1))
 
     def _in_turn(self, count: int, same: float, moves: float) -> bool:
-        """Returns whether a sequence of `count` images repeats cyclically."""
+        """Returns whether the last images repeat a sequence of `count` images cyclically."""
         turns = list(self._turns(count))
         if len(turns[-1]) < TUNING.each or any(
             _spread([one[1] for one in turn]) > same for turn in turns

@@ -236,7 +236,7 @@ def gap_sentence(gate: SampleGate, used: int, restarts: int) -> str:
 
 
 def _typical(intervals: Integers) -> Integers:
-    """Returns the time-weighted medians (M,) of blocks of intervals (M, N)."""
+    """Returns the medians (M,) of blocks of intervals (M, N), weighted by their length."""
     rising = np.sort(intervals, axis=1)
     elapsed = np.cumsum(rising, axis=1)
     middle = np.argmax(2 * elapsed >= elapsed[:, -1:], axis=1)

@@ -158,7 +158,7 @@ class Sight:
         self._reason = ""
 
     def look(self, now_ns: int, obstacle: str) -> None:
-        """Notes an attempt to compare at a time [ns], with the reason if it failed."""
+        """Records the time [ns] of a comparison, or the reason why heights were not comparable."""
         if not obstacle or self._since_ns is None:
             self._since_ns = now_ns
         self._reason = obstacle

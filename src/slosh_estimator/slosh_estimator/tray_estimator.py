@@ -65,7 +65,7 @@ class TrayEstimator:
 
     Args:
         tray: the tray.
-        felt: makes of a container's model the one that runs.
+        prepare: makes of a container's model the one that runs.
         at_rest: whether the liquid is still when the first sample comes.
 
     Attributes:
@@ -74,11 +74,11 @@ class TrayEstimator:
     """
 
     def __init__(
-        self, tray: Tray, felt: Callable[[Model], Model] = lambda model: model, *,
+        self, tray: Tray, prepare: Callable[[Model], Model] = lambda model: model, *,
         at_rest: bool = True,
     ) -> None:  # fmt: skip
-        self._felt = felt
-        models = [felt(one.placed) for one in tray.containers[1:]]
+        self._prepare = prepare
+        models = [prepare(one.placed) for one in tray.containers[1:]]
         self.others = [Estimator(model, at_rest=at_rest) for model in models]
         for other, one in zip(self.others, tray.containers[1:], strict=True):
             other.empty = one.empty
@@ -100,7 +100,9 @@ class TrayEstimator:
         """
         if index:
             one = tray.containers[index]
-            self.others[index - 1].load_model(self._felt(one.placed), fresh=fresh, empty=one.empty)
+            self.others[index - 1].load_model(
+                self._prepare(one.placed), fresh=fresh, empty=one.empty
+            )
         self._carry(tray)
 
     def reset(self) -> None:

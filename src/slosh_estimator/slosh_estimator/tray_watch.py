@@ -95,7 +95,7 @@ class TrayWatch:
 
     @property
     def share(self) -> float:
-        """Height of the worst container as a share of its limit; 0 if unknown."""
+        """Height of the worst container divided by its limit; 0 if unknown."""
         return max(self._shares)
 
     @property

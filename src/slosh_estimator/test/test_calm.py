@@ -16,7 +16,7 @@ STATE = FusedState(
 
 
 def changed(**fields):
-    """A state with other fields, its bounds those of the filter."""
+    """Returns a copy of a fused state with changed fields, and the filter's bounds."""
     state = STATE._replace(**fields)
     height, stddev = state.envelope, state.envelope_stddev
     return state._replace(bound=height + 1.645 * stddev, sure_bound=height + 3.1 * stddev)

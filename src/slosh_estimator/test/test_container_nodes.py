@@ -264,4 +264,4 @@ def test_what_has_no_tray_has_no_places(line: Line) -> None:
 def test_load_model_leaves_a_tray(tray: Line) -> None:
     answer = tray.call(LoadModel, topics.LOAD_MODEL, LoadModel.Request(text=CUP))
     assert not answer.success
-    assert "ask change_container, with tray_place" in answer.message
+    assert "call change_container, with tray_place" in answer.message

@@ -1,4 +1,4 @@
-"""Bounds of the envelope: they decay at rest, and rise by nothing but what can raise a wave."""
+"""Tests envelope bounds: they decay at rest, and rise only if something can raise a wave."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Heights from a force: the wave comes out again, whatever the sensor's zero, axes and delay."""
+"""Tests wave heights from a force, for any offset, axes and delay of the sensor."""
 
 import json
 import math
@@ -20,7 +20,7 @@ SLOSHING = CUP.container.mass_ratio(1) * CUP.container.volume * CUP.liquid.densi
 
 
 def document(**changes):
-    """An identification of the cup's payload, two directions, the sensor turned by a quarter."""
+    """Returns the identified payload of a cup, for a sensor that is turned by 90 degrees."""
     found = {
         "natural_frequency": {"value": CUP.mode_frequency(1)},
         "sloshing_mass": {"value": SLOSHING},
@@ -38,7 +38,7 @@ def document(**changes):
 
 @pytest.fixture(scope="module")
 def run():
-    """A motion in the plane, what the force sensor shows, and the heights at +x and +y."""
+    """Returns a plane motion, the measured force, and the heights at +x and +y."""
     t = np.arange(0.0, 8.0, 0.002)
     share = np.clip((t - 2.0) / 0.5, 0.0, 1.0)
     pulse = np.sin(2.0 * np.pi * share) * ((share > 0.0) & (share < 1.0))

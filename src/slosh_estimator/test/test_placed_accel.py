@@ -1,4 +1,4 @@
-"""Accelerations of a sensor anywhere on the robot, against the container's true acceleration."""
+"""Tests accelerations of a sensor anywhere on the robot against the container's true ones."""
 
 import math
 
@@ -19,7 +19,7 @@ SETTINGS = InputSettings(gate=GateSettings(), modes=((1, 21.0),))
 
 
 def tool(t):
-    """Position and attitude of the tool, which carries both."""
+    """Returns position and attitude of the tool that carries container and sensor."""
     turn = Rotation.from_euler("zyx", [0.9 * math.sin(5.0 * t), 0.3 * math.sin(7.0 * t), 0.1])
     return np.array([0.2 * math.sin(3.0 * t), 0.1 * math.cos(4.0 * t), 0.5]), turn
 
@@ -30,7 +30,7 @@ def place(t, arm):
 
 
 def acceleration(t, arm):
-    """By differences of where it is, in the world's axes."""
+    """Returns acceleration in world axes by finite differences of positions."""
     return (place(t - STEP, arm) - 2.0 * place(t, arm) + place(t + STEP, arm)) / STEP**2
 
 
@@ -44,7 +44,7 @@ STATIC = [link("tool", "container", 0.0, ARM), link("tool", "sensor", 0.0, (0, 0
 
 
 def placed(rate=125.0, accel_rate=500.0, seconds=2.0, moving=True):
-    """What comes out of a sensor's messages and transforms of another rate."""
+    """Returns the converted accelerations of a sensor, with transforms at another rate."""
     how = SETTINGS.with_mounting({PLACED: "sensor"})
     poses = how.poses("accel")
     poses.take_transforms(STATIC, fixed=True)

@@ -1,4 +1,4 @@
-"""The sensor node over DDS: forces and levels in, surfaces out, as a camera node tells them."""
+"""Tests the sensor node over DDS: it converts forces and levels to FreeSurface messages."""
 
 import json
 import math
@@ -33,7 +33,7 @@ PAYLOAD = {
 
 
 class Cell(Graph):
-    """The node, an estimator's words and a sensor."""
+    """The sensor node, with simulated estimator messages and a simulated sensor."""
 
     def __init__(self) -> None:
         super().__init__(executor=SingleThreadedExecutor())

@@ -128,7 +128,7 @@ def test_a_link_that_hangs_on_another_parent_now_is_followed():
 
 
 def riding(since_ns: int | None, first: int) -> tuple[TransformPoses, list[TimedPose]]:
-    """Returns the poses on a carriage of who hears only the later messages, from `first` on.
+    """Returns poses relative to a carriage for a node that misses the messages before `first`.
 
     The carriage's transforms come a message later than the poses, and at half their rate.
     """

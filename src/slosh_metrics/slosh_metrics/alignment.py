@@ -296,7 +296,7 @@ def _independent_samples(
 
 
 def _runner_up(costs: Array, best: int) -> float:
-    """Returns the rms at the second-best separate minimum, relative to the best one."""
+    """Returns the second-best separate minimum's rms divided by that of the best one."""
     filled = np.where(np.isfinite(costs), costs, np.inf)
     others = [
         float(filled[k])

@@ -153,7 +153,7 @@ class MotionFinder:
         self._finder.adopt(constant)
 
     def _grown(self) -> tuple[int, list[MotionSpan]]:
-        """Returns the index of the first motion that the current bin changes, and new spans."""
+        """Returns the spans that the current bin changes or adds, and the first one's index."""
         count = len(self._spans)
         if not self._moves():
             return count, []

@@ -75,7 +75,7 @@ def effective_height(t: ArrayLike, x: ArrayLike, eta: ArrayLike) -> float:
 def effective_difference(
     t: ArrayLike, x: ArrayLike, measured: ArrayLike, slopes: ArrayLike
 ) -> float:
-    """Returns Δη, the effective distance of surfaces from lines over a dwell [m].
+    """Returns Δη, the RMS distance [m] of surface profiles from given straight lines in a dwell.
 
     With the lines that are nearest to the frames it is Δη_appr (TM20, eq. (18)), with those of a
     simulation Δη_simul (19).

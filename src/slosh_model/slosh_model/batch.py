@@ -149,7 +149,7 @@ def _store(model: Model, state: State | None, max_step: float) -> Array:
 
 
 def _intervals(inputs: Iterable[Inputs]) -> Iterator[Array]:
-    """Yields the time steps of each motion; motions with equal times share an array."""
+    """Yields the time steps of each motion, as one shared array for motions with equal times."""
     t, intervals = np.empty(0), np.empty(0)
     for one in inputs:
         if one.t is not t and not (len(one.t) == len(t) and (one.t == t).all()):
@@ -164,7 +164,7 @@ def _counts(intervals: Array, max_step: float) -> Counts:
 
 
 def _pace(intervals: Array, max_step: float) -> bytes:
-    """Returns a key that is equal for motions with equal numbers of integration steps.
+    """Returns a key by which motions with equal numbers of integration steps are grouped.
 
     Where each input is one sub-step away, motions of any length and spacing are alike.
     """
@@ -248,7 +248,7 @@ def _one_by_one(store: Array, intervals: Array, motion: Inputs, heights: Array) 
 
 
 def _distinct(lanes: Sequence[T]) -> tuple[list[T], Counts]:
-    """Returns the distinct objects in a list of lanes, and the index of each lane's object."""
+    """Returns the distinct objects among those of the lanes, and each lane's index of them."""
     rows: dict[int, int] = {}
     which = [rows.setdefault(id(one), len(rows)) for one in lanes]
     return [lanes[which.index(row)] for row in range(len(rows))], np.array(which)

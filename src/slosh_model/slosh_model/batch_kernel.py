@@ -134,7 +134,7 @@ def _accelerate(lanes, w):  # type: ignore[no-untyped-def]
 
 @compiled
 def _take_slope(lanes, w, weight, share):  # type: ignore[no-untyped-def]
-    """Adds the slope of a Runge-Kutta stage to the sum, and advances the state by it."""
+    """Adds the weighted slope of a Runge-Kutta stage to the sum; advances the state by it."""
     for row in range(STATE_COUNT):
         at = row * LANES
         slope = at + (STATE if row < VX else ACCELERATION - STATE_COUNT * LANES) + VX * LANES
@@ -215,7 +215,7 @@ def _take_poses(lanes, w, input_rows, poses, i):  # type: ignore[no-untyped-def]
 
 @compiled
 def _load_runs(lanes, w, stores, memory):  # type: ignore[no-untyped-def]
-    """Loads each lane's last inputs, effect parameters and effect states."""
+    """Loads the last inputs, effect parameters and effect states of each lane's simulation."""
     for k in range(lanes):
         runs, _ = records(stores[k])
         run, at = runs[0], NEW_INPUTS + k
@@ -265,7 +265,7 @@ def _rotate_inputs(lanes, w):  # type: ignore[no-untyped-def]
 
 @compiled
 def _along_modes(lanes, w, at):  # type: ignore[no-untyped-def]
-    """Keeps of each lane's inputs at a place what drives a mode along its direction."""
+    """Projects each lane's inputs on the direction of its mode, if the mode has a fixed one."""
     if w[ALONG] == 0.0 and w[ALONG + LANES] == 0.0:  # lanes of a block are alike in this
         return
     for k in range(lanes):
@@ -285,7 +285,7 @@ def _save_mode(lanes, w, stores, n):  # type: ignore[no-untyped-def]
 
 @compiled
 def _advance_mode(lanes, w, count, modulated):  # type: ignore[no-untyped-def]
-    """Integrates a mode from the old to the new inputs, and adds its wall heights."""
+    """Integrates one mode of each lane over an input interval, and adds its wall heights."""
     _copy(lanes, w, OLD_INPUTS, LEFT_INPUTS, INPUT_COUNT)
     _along_modes(lanes, w, LEFT_INPUTS)
     for part in range(count):

@@ -43,7 +43,7 @@ def compile_generated(
 
 
 def own_memory(effect: Effect, hook: str, memory: Mapping[str, int], array: str) -> str:
-    """Returns the source expression of an effect's slice of the state array, or ()."""
+    """Returns the source expression of an effect's slice of the state array; () without one."""
     start, count = memory[effect.name], getattr(effect, f"{hook}_memory")
     return f"{array}{start}:{start + count}]" if count else "()"
 
@@ -83,7 +83,7 @@ def _modulations() -> list[str]:
 
 
 def _changes(hook: str, around: str, memory: Mapping[str, int]) -> list[str]:
-    """Generates a function by which modelled effects change a value one after another."""
+    """Generates source code that applies the effects of one kind to a value in turn."""
     lines = [f"def all_{hook}s(dt, value, {around}, memory, p):"]
     for effect in BY_HOOK[hook]:
         own = own_memory(effect, hook, memory, "memory[")

@@ -181,7 +181,7 @@ class Container(ABC):
 
     @abstractmethod
     def plane_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns a mode's wall height per displacement of its mass for a plane surface [1]."""
+        """Returns a mode's wall height per displacement of its mass, for a plane surface [1]."""
 
     @abstractmethod
     def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
@@ -208,11 +208,11 @@ class Container(ABC):
         return -2.0 / slenderness * math.tanh(0.5 * slenderness * self.fill_height)
 
     def height_distance(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns the distance from the axis to the place of a mode's highest wall height [m]."""
+        """Returns the distance from the axis to where a mode's wall height is greatest [m]."""
         return self.reaches[axis]
 
     def crest(self, n: int, axis: int = X_AXIS) -> tuple[float, float]:
-        """Returns a mode's maximum height relative to that at the wall, and its position [m]."""
+        """Returns a mode's maximum height divided by its wall height, and its position [m]."""
         return 1.0, self.reaches[axis]
 
     @property
@@ -247,7 +247,7 @@ class Container(ABC):
         return Wall.vertical(radius, self.freeboard)
 
     def height_below_rim(self, distance: float = 0.0) -> float | None:
-        """Returns the height at the wall [m] for a crest at a distance below the rim, or None.
+        """Returns the wall height [m] at which the crest is `distance` below the rim; else None.
 
         Args:
             distance: vertical [m]; 0: at the rim.
@@ -304,7 +304,7 @@ class Container(ABC):
 
     @property
     def corners(self) -> Array:
-        """Corners (K, 2) of a wall over any outline, relative to the reaches along x and y.
+        """Corners (K, 2) of a wall over any outline, divided by the reaches along x and y.
 
         None where it is round or a rectangle.
         """
@@ -316,7 +316,7 @@ class Container(ABC):
         return False
 
     def axes(self, masses: int) -> float:
-        """Returns the azimuth of a model's axes from the container's +x [rad].
+        """Returns the azimuth of the axes of a model's modes from the container's +x [rad].
 
         Args:
             masses: number of the model's sloshing masses.

@@ -68,7 +68,7 @@ class Covariance:
 
     @property
     def principal_steps(self) -> Array:
-        """(P, P) one standard error along each principal axis of the correlation, in columns."""
+        """Parameter changes (P, P) of one standard error along each principal axis, in columns."""
         scale = np.where(self.standard_errors > 0.0, self.standard_errors, 1.0)
         values, axes = np.linalg.eigh(self.array / np.outer(scale, scale))
         steps: Array = axes * np.sqrt(np.maximum(values, 0.0)) * scale[:, np.newaxis]

@@ -94,7 +94,7 @@ def peak_gradient(
 def pulled_back(
     model: Model, inputs: Inputs, weights: Array, max_step: float = MAXIMUM_STEP
 ) -> Array:
-    """Returns the gradient (N, 3) of Σ weights · heights for the acceleration [m per m/s²].
+    """Returns the gradient (N, 3) of Σ weights · heights by acceleration [m per m/s²].
 
     Args:
         model: one that is covered; see `peak_gradient`.

@@ -64,7 +64,7 @@ def modal_acceleration(mode, elapsed, q, inputs, parameters):  # type: ignore[no
 
 @compiled
 def in_axes(inputs, axes):  # type: ignore[no-untyped-def]
-    """Rotates the inputs from the container's axes to those of its modes, `axes` away [rad]."""
+    """Rotates the inputs from container axes to modal axes, by the angle `axes` [rad]."""
     if axes == 0.0:
         return inputs
     ax, ay, az, turn = inputs
@@ -74,7 +74,7 @@ def in_axes(inputs, axes):  # type: ignore[no-untyped-def]
 
 @compiled
 def along_mode(inputs, x, y):  # type: ignore[no-untyped-def]
-    """Returns the part of the inputs that drives a mode along (x, y); (0, 0): all of them."""
+    """Returns the inputs' part along the direction (x, y) of a mode; all inputs for (0, 0)."""
     if x == 0.0 and y == 0.0:
         return inputs
     share = x * inputs[AX] + y * inputs[AY]
@@ -171,7 +171,7 @@ def unwrapped(angle, before):  # type: ignore[no-untyped-def]
 
 @compiled
 def lightness(lift, az):  # type: ignore[no-untyped-def]
-    """Returns g divided by the effective gravity on a plane surface, at most 2.
+    """Returns g divided by the effective gravity, which is limited to at least g/2.
 
     Args:
         lift: 1 where the vertical acceleration acts, else 0.
@@ -334,7 +334,7 @@ def highest_and_azimuth(run, first, height_x, height_y):  # type: ignore[no-unty
 
 @compiled
 def wall_place(azimuth, cornered, reaches, corners):  # type: ignore[no-untyped-def]
-    """Returns the relative position (c, s) on the wall in a direction from the axis [rad].
+    """Returns the wall position in a direction from the axis, in units of the reaches (c, s).
 
     Args:
         azimuth: the direction [rad].

@@ -261,7 +261,7 @@ class Model:
             limits=_OF_THE_SHAPE if same else self.limits,
         )
 
-    def feeling_gravity(self) -> Model:
+    def with_gravity_tilt(self) -> Model:
         """Returns the model with gravity acting along the floor of a tilted container."""
         return self if self.has(TILT) else self.with_effect(TILT)
 

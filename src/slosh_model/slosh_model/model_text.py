@@ -11,8 +11,9 @@ from typing import Any, cast
 from slosh_base.files import write_text
 from slosh_base.files.bounded_text import read_text
 from slosh_base.files.errors import TextFileError, YamlError
+from slosh_base.files.file_version import MODEL, parse_versioned
 from slosh_base.files.nearest import did_you_mean
-from slosh_base.files.yaml_document import KeyPath, dotted, format_yaml, parse_yaml, shown
+from slosh_base.files.yaml_document import KeyPath, dotted, format_yaml, shown
 from slosh_model.containers import SHAPES, Container
 from slosh_model.covariance import Covariance
 from slosh_model.errors import ModelFileError, SloshModelError
@@ -48,7 +49,7 @@ def parse_model(text: str, source: str = "model.yaml") -> Model:
             with the source, the line, the key and the value.
     """
     try:
-        document = parse_yaml(text, source, LONGEST)
+        document = parse_versioned(text, source, MODEL, LONGEST)
     except YamlError as error:
         raise SloshModelError(str(error)) from None
     if document.value is None:
@@ -66,6 +67,7 @@ def format_model(model: Model) -> str:
     >>> import slosh
     >>> from slosh_model import format_model
     >>> print(format_model(slosh.Model.from_cup(diameter=0.08, fill_height=0.06)))
+    version: 1
     container: {shape: cylinder, radius: 0.04, fill_height: 0.06}
     liquid: {density: 998.2, kinematic_viscosity: 1.0e-06}
     damping_ratio: auto
@@ -96,7 +98,7 @@ def format_model(model: Model) -> str:
             "parameters": list(model.covariance.parameters),
             "matrix": [list(row) for row in model.covariance.matrix],
         }
-    return format_yaml(document, sort_keys=False, default_flow_style=None)
+    return format_yaml(MODEL.versioned(document), sort_keys=False, default_flow_style=None)
 
 
 def container_section(container: Container) -> dict[str, Any]:
@@ -145,7 +147,7 @@ def _model(document: Mapping[str, Any], folder: Path) -> Model:
 
 
 def _auto(document: Mapping[str, Any], key: str) -> float | None:
-    """Returns a number, or None if the model computes it."""
+    """Parses a number; returns None for `auto`, which means that the model computes it."""
     value = document.get(key, AUTO)
     return None if value == AUTO else _number(value, (key,))
 

@@ -46,7 +46,7 @@ def highest_at_corners(corners, count, height_x, height_y):  # type: ignore[no-u
 
 @compiled
 def azimuth_at_corners(corners, count, height_x, height_y, reach_x, reach_y):  # type: ignore[no-untyped-def]
-    """Returns the azimuth [rad] of the maximum: a corner, or the middle of a side as high."""
+    """Returns the highest corner's azimuth [rad]; if two are equally high, that between them."""
     best = highest_at_corners(corners, count, height_x, height_y)
     if best != best:
         return math.nan
@@ -61,7 +61,7 @@ def azimuth_at_corners(corners, count, height_x, height_y, reach_x, reach_y):  #
 
 @compiled
 def place_at_corners(azimuth, corners, count, reach_x, reach_y):  # type: ignore[no-untyped-def]
-    """Returns the relative position (c, s) on the wall in a direction from its centre.
+    """Returns the wall position in a direction from the axis, in units of the reaches (c, s).
 
     The outermost, where the wall is there more than once; (0, 0), where it is not there at all.
 

@@ -339,7 +339,7 @@ def store_of(model: Model, max_step: float = MAXIMUM_STEP) -> Array:
 
 
 def _direction_in(mode: Mode, axes: float) -> tuple[float, float]:
-    """Returns the direction of a mode's motion, in axes turned by `axes` [rad]; or (0, 0)."""
+    """Returns the direction of a mode in axes turned by `axes` [rad]; (0, 0) if it has none."""
     if not mode.container.one_directional:
         return 0.0, 0.0
     direction = mode.container.direction(mode.number) - axes

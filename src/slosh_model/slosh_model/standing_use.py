@@ -71,7 +71,7 @@ class StandingMasses:
 
 
 class StandingUse(NamedTuple):
-    """Fractions of the available friction and support base that a motion uses.
+    """Fractions of the available friction and support base that a container uses in a motion.
 
     Attributes:
         friction: largest lateral force by what friction can hold; above 1 the container slides.

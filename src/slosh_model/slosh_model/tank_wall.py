@@ -17,7 +17,7 @@ _PLACES = 32  # so many steps along a side, where the highest place is looked fo
 
 @compiled
 def place_on_wall(azimuth, reach_x, reach_y):  # type: ignore[no-untyped-def]
-    """Returns the relative position (c, s) on the wall in a direction from the axis.
+    """Returns the wall position in a direction from the axis, in units of the reaches (c, s).
 
     Args:
         azimuth: the direction [rad].
@@ -40,7 +40,7 @@ def _advance_double(memory, at, p, u, wave, fill, damping, dt):  # type: ignore[
 
 @compiled
 def _wave(reach, fill):  # type: ignore[no-untyped-def]
-    """Returns wave number k and K = k tanh kh of the first mode along an axis [1/m]."""
+    """Returns wave number k and K = k tanh(kh) [1/m] of the first mode along an axis."""
     k = 0.5 * math.pi / reach
     return k, k * math.tanh(k * fill)
 

@@ -11,7 +11,7 @@ from slosh_base.types import Array
 from slosh_model.model import TILT, Model
 from slosh_model.pose import integrated
 
-FELT = math.radians(0.5)
+TILT_THRESHOLD = math.radians(0.5)
 """A motion that tilts by more than this [rad] is not answered without gravity's share."""
 
 
@@ -55,20 +55,20 @@ def largest_tilt(attitude: Array | None) -> float:
     return float(np.max(2.0 * np.arctan2(np.hypot(x, y), np.hypot(z, w))))
 
 
-def unfelt_tilt(model: Model, attitude: Array | None) -> float:
+def ignored_tilt(model: Model, attitude: Array | None) -> float:
     """Returns the largest tilt that a model ignores [rad], or 0 if it ignores none."""
     tilt = 0.0 if model.has(TILT) else largest_tilt(attitude)
-    return tilt if tilt > FELT else 0.0
+    return tilt if tilt > TILT_THRESHOLD else 0.0
 
 
-def feeling(model: Model, attitude: Array | None) -> Model:
+def with_tilt(model: Model, attitude: Array | None) -> Model:
     """Returns the model for a motion; adds the effect `gravity_tilt` if the container tilts."""
-    return model.feeling_gravity() if unfelt_tilt(model, attitude) else model
+    return model.with_gravity_tilt() if ignored_tilt(model, attitude) else model
 
 
 def added_text(model: Model, attitude: Array | None) -> str:
     """Returns a note if the effect `gravity_tilt` was added to the model, else an empty text."""
-    tilt = unfelt_tilt(model, attitude)
+    tilt = ignored_tilt(model, attitude)
     if not tilt:
         return ""
     return f"tilts by up to {math.degrees(tilt):.1f} deg: the effect {TILT} is added to the model"
@@ -76,7 +76,7 @@ def added_text(model: Model, attitude: Array | None) -> str:
 
 def ignored_text(model: Model, attitude: Array | None) -> str:
     """Warns in one line of a tilt that the model ignores; empty if there is none."""
-    tilt = unfelt_tilt(model, attitude)
+    tilt = ignored_tilt(model, attitude)
     if not tilt:
         return ""
     return (

@@ -14,7 +14,8 @@ import numpy as np
 
 from slosh_base.files.bounded_text import read_text
 from slosh_base.files.errors import TextFileError, YamlError
-from slosh_base.files.yaml_document import YamlDocument, format_yaml, parse_yaml, shown
+from slosh_base.files.file_version import MODEL, parse_versioned
+from slosh_base.files.yaml_document import YamlDocument, format_yaml, shown
 from slosh_base.types import Array
 from slosh_model.errors import ModelFileError, SloshModelError
 from slosh_model.model import Model
@@ -160,7 +161,7 @@ def parse_tray(text: str, source: str = "tray.yaml") -> Tray:
         SloshModelError: one line with the source, the line, the key and the value.
     """
     try:
-        document = parse_yaml(text, source, LONGEST)
+        document = parse_versioned(text, source, MODEL, LONGEST)
     except YamlError as error:
         raise SloshModelError(str(error)) from None
     value = document.value
@@ -192,9 +193,10 @@ def format_tray(tray: Tray) -> str:
             entry["standing"] = asdict(one.standing)
         if one.empty:
             entry["empty"] = True
-        entry["model"] = parse_yaml(format_model(one.model), "model").value
+        entry["model"] = parse_versioned(format_model(one.model), "model", MODEL).value
         listed.append(entry)
-    return format_yaml({_KEY: listed}, sort_keys=False, default_flow_style=None)
+    document = MODEL.versioned({_KEY: listed})
+    return format_yaml(document, sort_keys=False, default_flow_style=None)
 
 
 def _container(document: YamlDocument, index: int) -> TrayContainer:

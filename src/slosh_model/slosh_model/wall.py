@@ -12,7 +12,7 @@ from slosh_base.types import Array
 
 
 class WallPlace(NamedTuple):
-    """Where the liquid stands on the wall.
+    """Position that the liquid reaches on the wall, and its distances from the rim.
 
     Attributes:
         surface_height: highest place of the whole surface above the still level [m]: at the wall,
@@ -71,7 +71,7 @@ class Wall:
         return WallPlace(*self._columns(height))
 
     def places(self, heights: Array) -> dict[str, Array]:
-        """Returns where (N,) waves reach highest on the wall, by field of WallPlace."""
+        """Returns the positions that waves of heights (N,) reach on the wall, by field name."""
         return dict(zip(WallPlace._fields, self._columns(heights), strict=True))
 
     def _columns(self, height: Any) -> tuple[Any, ...]:

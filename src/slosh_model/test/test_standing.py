@@ -57,7 +57,9 @@ def test_on_an_inclined_tray_it_slides_at_the_angle_of_friction():
     t = np.arange(0.0, 6.0, 0.002)
     angle = 0.2 * np.clip(t / 3.0, 0.0, 1.0)
     attitude = Rotation.from_rotvec(np.outer(angle, [0.0, 1.0, 0.0])).as_quat()
-    use = standing_use(CUP.feeling_gravity(), STANDING, Inputs(t, np.zeros((len(t), 3)), attitude))
+    use = standing_use(
+        CUP.with_gravity_tilt(), STANDING, Inputs(t, np.zeros((len(t), 3)), attitude)
+    )
     assert use.friction == pytest.approx(np.tan(0.2) / STANDING.friction, rel=5e-3)
     assert use.words == "stands"
 

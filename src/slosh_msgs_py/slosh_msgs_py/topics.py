@@ -73,6 +73,8 @@ STOP_TRAJECTORY: Final = "stop_trajectory"
 """The motion of an emergency stop; latched,"""
 STOP_JOINT_TRAJECTORY: Final = "stop_joint_trajectory"
 """and that of the joints, if they are commanded."""
+MARKERS: Final = "markers"
+"""The surface for RViz and Foxglove, by the optional node `markers`."""
 PREDICTION: Final = "prediction"
 PREDICTION_OUTCOME: Final = "prediction_outcome"
 TRUTH: Final = "cell/truth"
@@ -234,6 +236,7 @@ TOPICS: tuple[Topic, ...] = (
         LIMIT_EVENT, "slosh_msgs/msg/LimitEvent", _ANSWER,
         remappable=True, latched=True, page=True,
     ),
+    Topic(MARKERS, "visualization_msgs/msg/MarkerArray", _ANSWER, recorded=False),
     Topic(PREDICTION, "slosh_msgs/msg/MotionPrediction", _ANSWER, remappable=True, latched=True),
     Topic(
         PREDICTION_OUTCOME, "slosh_msgs/msg/PredictionOutcome", _ANSWER,
@@ -281,7 +284,7 @@ PER_CONTAINER = (FREE_SURFACE, COMPARISON, IMAGE, IMAGE_COMPRESSED, CAMERA_INFO)
 
 
 def of_container(name: str, container: str) -> str:
-    """Returns the topic of a container behind a tray's first.
+    """Returns the topic of a container of the tray, given that of the first container.
 
     >>> of_container("camera/image_raw", "right")
     'camera_right/image_raw'
@@ -303,7 +306,7 @@ def of_container(name: str, container: str) -> str:
 
 
 def _of_some_container(name: str) -> str:
-    """Returns a regular expression for a topic of the first or of any other container."""
+    """Returns a regular expression that matches a topic's name for each container."""
     first, slash, rest = name.partition("/")
     other = r"(?:_\w+)?" if name in PER_CONTAINER else ""
     return f"{re.escape(first)}{other}{re.escape(slash + rest)}"
@@ -311,7 +314,7 @@ def _of_some_container(name: str) -> str:
 
 @cache
 def row_of(name: str) -> Topic | None:
-    """Returns the row of a relative topic name, also of one of another container; None: no row."""
+    """Returns the table row of a relative topic name, of any container; None if there is none."""
     fitting = (
         row
         for row in TOPICS

@@ -23,7 +23,7 @@ def trajectory_doubts(motion: Trajectory) -> tuple[InputDoubt, ...]:
 
 
 def attitude_doubts(attitude: Array | None) -> tuple[InputDoubt, ...]:
-    """Returns a sentence if a container is turned upside down, as in frames whose z points out.
+    """Returns a sentence if a container is turned upside down, for example by its tool frame.
 
     Args:
         attitude: (N, 4) quaternions x, y, z, w, world ← container; None: upright.

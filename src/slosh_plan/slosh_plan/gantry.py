@@ -1,4 +1,4 @@
-"""Limits for machines that move a container in straight strokes that nobody knows beforehand.
+"""Limits for machines whose straight strokes of the container are not known in advance.
 
 A gantry or a laboratory robot accelerates, moves at a constant speed and brakes; how long each
 part lasts depends on the protocol. The limits hold for the worst lengths of all parts: a family of
@@ -112,7 +112,7 @@ def _largest(height: Callable[[float], float], limit: float, low: float, high: f
 
 
 def _peak(model: Model, acceleration: float, ramp: float, longest: float) -> tuple[float, float]:
-    """Returns the greatest heights of a family of moves: at any time, and after the end [m].
+    """Returns the greatest heights of many moves: at any time, and after the end [m].
 
     Args:
         model: the model.
@@ -132,7 +132,7 @@ def _peak(model: Model, acceleration: float, ramp: float, longest: float) -> tup
 
 
 def _speeds(edges: Array, values: Array) -> tuple[Array, Array]:
-    """Returns times [s] and speeds [m/s] for an acceleration that is linear between edges."""
+    """Integrates a piecewise linear acceleration; returns times [s] and speeds [m/s]."""
     t = np.unique(np.concatenate([np.linspace(a, b, 33) for a, b in pairwise(edges) if b > a]))
     inside = np.searchsorted(edges, 0.5 * (t[1:] + t[:-1])) - 1
     left, width = edges[inside], np.diff(edges)[inside]

@@ -125,7 +125,7 @@ class Arm(Robot):
         return [name for name, column in zip(joints, apart.T, strict=True) if column.any()]
 
     def known(self, joints: Sequence[str]) -> list[bool]:
-        """Returns which of the joints the robot's description has."""
+        """Returns which of the given joints the robot's description contains."""
         return [self._model.existJointName(name) for name in joints]
 
     def check_joints(self, joints: Sequence[str], name: str) -> None:
@@ -357,7 +357,7 @@ class Arm(Robot):
 
 
 def _flat(placement: Any) -> Array:
-    """Returns the (12,) rotation by rows and translation of a placement of Pinocchio's."""
+    """Returns rotation (by rows) and translation of a Pinocchio placement as an array (12,)."""
     return np.concatenate([np.asarray(placement.rotation).ravel(), placement.translation])
 
 

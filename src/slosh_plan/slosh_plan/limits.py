@@ -55,7 +55,7 @@ class HeightLimits:
             )
 
     def under_rim(self, model: Model) -> Self:
-        """Returns the limits, lowered to the rim or the distance to it where that is lower.
+        """Returns the limits, lowered to the rim, or a distance below it, where that is lower.
 
         Raises:
             SloshPlanError: a distance that the still liquid does not keep, or to a rim that is

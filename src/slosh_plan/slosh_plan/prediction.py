@@ -13,7 +13,7 @@ from slosh_model.errors import SloshModelError
 from slosh_model.gaps import gap_text
 from slosh_model.model import Model
 from slosh_model.parameters import parameter_value, with_parameters
-from slosh_model.tilt import attitude_of, feeling
+from slosh_model.tilt import attitude_of, with_tilt
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.heights import Extremes, all_extremes, usual_horizon
 from slosh_plan.limits import HeightLimits
@@ -145,12 +145,12 @@ class Prediction:
 
     @property
     def excess(self) -> float:
-        """Excess of the interval's upper end over the height limit [m], or 0 if it is kept."""
+        """Excess of the interval's upper end over the height limit [m], or 0 if it is below."""
         return max(self.upper - self.limits.height, 0.0)
 
     @property
     def residual_excess(self) -> float:
-        """Excess of the residual's upper end over its limit [m], or 0 if it is kept."""
+        """Excess of the residual's upper end over its limit [m], or 0 if it is below."""
         return max(self.residual_upper - self.limits.residual, 0.0)
 
     @property
@@ -191,7 +191,7 @@ def predict(
 
     Args:
         model: the model; its L and its NL twin answer. A motion that tilts the container by more
-            than FELT is answered with `gravity_tilt`, which is added where it is missing.
+            than TILT_THRESHOLD is answered with `gravity_tilt`, which is added if it is missing.
         trajectories: candidates.
         limits: what is to be kept beside the container's rim; None: nothing.
         state: the liquid when each motion begins; None: at rest.
@@ -214,7 +214,7 @@ def predict(
     check_gaps(model, given)
     found: dict[int, Prediction] = {}
     # Most motions are of one kind, and one run takes all of a kind.
-    feels = [feeling(model, attitude_of(one)) for one in given]
+    feels = [with_tilt(model, attitude_of(one)) for one in given]
     for felt in dict.fromkeys(feels):
         places = [at for at, one in enumerate(feels) if one == felt]
         answers = _predicted(felt, [given[at] for at in places], limits, state, horizon, error)
@@ -315,7 +315,7 @@ def check_start(model: Model, state: LiquidState | None, limits: HeightLimits) -
 
 
 def principal_variants(model: Model, width: float = 1.0) -> list[tuple[Model, Model]]:
-    """Returns models displaced along each principal axis of the parameters' covariance.
+    """Returns pairs of models displaced ± along each principal axis of the covariance.
 
     Args:
         model: the model; without a covariance there are none.
@@ -357,7 +357,7 @@ def _answer(model: Model, found: Extremes, quiet: float, horizon: float) -> Mode
 
 
 def _settling(model: Model, found: Extremes, quiet: float, horizon: float) -> float:
-    """Extrapolates the settling time [s] from the last simulated period by its decay."""
+    """Computes the settling time [s] by extrapolating the wave's exponential decay."""
     if found.residual <= quiet:
         return 0.0
     if not math.isfinite(found.last):

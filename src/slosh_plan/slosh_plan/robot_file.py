@@ -71,7 +71,7 @@ class CarryingRobot:
         )  # fmt: skip
 
     def check_group(self, waypoints: JointWaypoints, name: str) -> None:
-        """Raises SloshPlanError unless the group's joints, and they alone, move the container.
+        """Raises SloshPlanError unless exactly the group's joints move the container.
 
         Others that do not carry it, such as a gripper's, move along.
         """

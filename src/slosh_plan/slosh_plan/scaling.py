@@ -23,7 +23,7 @@ from slosh_base.types import Array
 from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.interpolation import columns_at
 from slosh_model.model import Model
-from slosh_model.tilt import attitude_of, feeling
+from slosh_model.tilt import attitude_of, with_tilt
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.heights import Extremes, all_extremes
 from slosh_plan.limits import HeightLimits
@@ -69,7 +69,7 @@ class SafeScales:
 
     @property
     def safe_from(self) -> float:
-        """Smallest scale from which on all slower ones are safe, or NaN if there is none."""
+        """Smallest time scale from which on every slower one is safe, or NaN if there is none."""
         if self.intervals and self.intervals[-1][1] == self.slowest:
             return self.intervals[-1][0]
         return math.nan
@@ -116,7 +116,7 @@ def safe_scales(
     Raises:
         SloshPlanError: no limit, or one exceeded before the motion begins; more samples than that.
     """
-    model = feeling(model, attitude_of(trajectory))
+    model = with_tilt(model, attitude_of(trajectory))
     asked, limits = limits, limits.under_rim(model)
     if not limits.given:
         raise SloshPlanError("no limit given: every time scale would be safe")
@@ -175,7 +175,7 @@ class _Scan:
     budget: Budget
 
     def looked_at(self, scales: Array) -> Bools:
-        """Returns whether each scale is safe; a full simulation decides doubtful scales."""
+        """Returns whether each time scale is safe; doubtful ones are simulated in full."""
         found = self._coarse(scales)
         safe = np.array([self._keeps(one) for one in found])
         doubtful = np.flatnonzero([self._doubtful(one) for one in found])
@@ -285,7 +285,7 @@ def slowest_scale(trajectory: Trajectory, fastest: float, bound: float | None) -
 
 
 def _bound(model: Model, trajectory: Trajectory, limits: HeightLimits) -> float | None:
-    """Returns the scale above which a linear bound proves safety; None if it proves none.
+    """Returns the time scale above which a linear bound proves safety; None if it cannot.
 
     It does not where gravity or the container's turning drives the liquid: those do not fade with
     1/scale².

@@ -18,7 +18,7 @@ from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.model import Model
 from slosh_model.standing import Standing
 from slosh_model.standing_use import StandingMasses, standing_use
-from slosh_model.tilt import attitude_of, feeling
+from slosh_model.tilt import attitude_of, with_tilt
 from slosh_model.tray import TrayContainer
 from slosh_plan.heights import usual_horizon
 from slosh_plan.scaling import Budget, SafeScales, fastest_scale, refined, slowest_scale
@@ -47,7 +47,7 @@ def standing_scales(
     Raises:
         SloshPlanError: more samples than that.
     """
-    model, budget = feeling(one.placed, attitude_of(trajectory)), Budget(most)
+    model, budget = with_tilt(one.placed, attitude_of(trajectory)), Budget(most)
     horizon = usual_horizon(one.model)
     modal = None if state is None else state.nonlinear
     start = begun(model, modal, float(trajectory.t[0]))

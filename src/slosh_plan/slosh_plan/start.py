@@ -50,7 +50,7 @@ LiquidStates = LiquidState | Mapping[str, LiquidState]
 
 
 def state_of(states: LiquidStates | None, container: str) -> LiquidState | None:
-    """Returns the state of the liquid in a container; None: it is at rest.
+    """Returns the state of the liquid in a container; None if the liquid is at rest.
 
     Raises:
         SloshPlanError: the containers' states do not contain it.

@@ -184,7 +184,7 @@ def _durations(moving: _Moving, limits: PlanLimits) -> Iterator[float]:
 
 
 def _allowed(moving: _Moving, duration: float, limits: PlanLimits) -> list[tuple[float, float]]:
-    """Returns the parameters of stops that respect the acceleration and jerk limits."""
+    """Returns those parameter pairs of a stop that respect acceleration and jerk limits."""
     t = np.linspace(0.0, duration, TUNING.stop_rows)
     plain, early, late = (
         moving.law(duration, pair, t) for pair in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
@@ -240,7 +240,7 @@ def _heights(
 
 
 def _excess(found: Extremes, limits: PlanLimits) -> float:
-    """Returns the larger relative excess over peak and residual limit; up to 0 if kept."""
+    """Returns the larger relative excess over peak and residual limit; at most 0 if none."""
     return max(found.peak / limits.height, found.residual / limits.residual) - 1.0
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from slosh_model.standing_use import StandingUse, standing_use
-from slosh_model.tilt import attitude_of, feeling
+from slosh_model.tilt import attitude_of, with_tilt
 from slosh_model.tray import Tray, TrayContainer
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.heights import usual_horizon
@@ -56,7 +56,7 @@ class TrayPrediction(NamedTuple):
 
     @property
     def loose_words(self) -> list[str]:
-        """Sentences on loosely standing containers: used share of friction and support base."""
+        """Sentences on loosely standing containers: used fraction of friction and support base."""
         return [
             f"{name} {use.words}: {100.0 * use.friction:.0f} % of the friction, centre of "
             f"pressure at {100.0 * use.tipping:.0f} % of the base's radius"
@@ -135,7 +135,7 @@ def _standing(
         if one.standing is None:
             continue
         own, inputs = state_of(states, one.name), motion.inputs(usual_horizon(one.model))
-        model = feeling(one.placed, attitude_of(motion))
+        model = with_tilt(one.placed, attitude_of(motion))
         modal = None if own is None else own.nonlinear
         found[one.name] = standing_use(
             model, one.standing, inputs, np.array(one.place),
@@ -163,7 +163,7 @@ def tray_scales(
     count: int = COUNT,
     most: float = math.inf,
 ) -> SafeScales:
-    """Returns the time scales with which every container keeps its limits, and its place.
+    """Returns the time scales with which each container keeps its limits and stays in place.
 
     Args:
         tray, motion, limits, state, horizon: as above.
@@ -202,7 +202,7 @@ def tray_scales(
 
 
 def _open(scales: SafeScales, slowest: float) -> list[tuple[float, float]]:
-    """Returns the safe intervals of time scales; extends one that ends at the slowest scale."""
+    """Returns the safe intervals of time scales; the last one is extended to `slowest`."""
     return [(a, slowest if b == scales.slowest else b) for a, b in scales.intervals]
 
 

@@ -1,4 +1,4 @@
-"""Limits of machines with unknown strokes, against the theory of a linear oscillator."""
+"""Tests limits of machines with unknown strokes against a linear oscillator's theory."""
 
 import math
 
@@ -14,7 +14,7 @@ LINEAR = Model(Cylinder(0.04, 0.06), damping_ratio=0.002)
 
 
 def gain_and_frequency(model):
-    """Static height by acceleration [s²] and ω [rad/s] of the first mode, by the NL gain."""
+    """Returns static height per acceleration [s²] and ω [rad/s] of the first mode."""
     mode = model.mode_constants()[0]
     return model.nonlinear().height_gains()[0] / mode.natural_frequency**2, mode.natural_frequency
 

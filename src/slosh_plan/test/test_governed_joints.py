@@ -1,4 +1,4 @@
-"""The governor of joints: limits of joints and liquid, checked by Pinocchio's kinematics."""
+"""Tests the governor of joints: joint limits and liquid, by Pinocchio's kinematics."""
 
 import copy
 import math
@@ -38,7 +38,7 @@ def arm():
 
 
 def run(governor, commands, start=1):
-    """What it gives for commands, and for None: none is sent."""
+    """Returns the governor's steps for commands; None in the list means no command."""
     moved = []
     for step, command in enumerate(commands, start):
         now = round(step * PERIOD * 1e9)
@@ -49,7 +49,7 @@ def run(governor, commands, start=1):
 
 
 def targets(seed, count=200):
-    """Joint targets that jump at random."""
+    """Returns random joint targets with jumps."""
     rng = np.random.default_rng(seed)
     rows, row = [], np.array(START)
     for _ in range(count):
@@ -61,7 +61,7 @@ def targets(seed, count=200):
 
 
 def motion_of(arm, moved):
-    """The container's motion between the steps, by Pinocchio, and what its liquid feels."""
+    """Returns the container's motion between the steps, computed by Pinocchio."""
     still = (0.0,) * len(START)
     rate, change, place = (
         np.array([first, *(one.joints[k] for one in moved)])
@@ -91,7 +91,7 @@ def test_joints_and_liquid_keep_their_limits(arm, seed, frequency, damping):
     other = Model(
         CUP.container, damping_ratio=first.damping_ratio * 2.0**damping,
         natural_frequency=first.natural_frequency * (1.0 + frequency), effects=CUP.effects,
-    ).feeling_gravity()  # fmt: skip
+    ).with_gravity_tilt()  # fmt: skip
     assert simulate(other, motion.inputs(0.5, 0.002))[0].msh.max() <= LIMITS.height
 
 

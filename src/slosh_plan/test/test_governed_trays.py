@@ -1,4 +1,4 @@
-"""The governor of trays: every cup's height, and what holds those that stand loosely."""
+"""Tests the governor of trays: heights of all cups, and loosely standing cups stay."""
 
 import math
 from dataclasses import replace
@@ -38,7 +38,7 @@ CUPS = (
 
 
 def run(governor, seed, count=150):
-    """A stream of velocities that jump at random, and its stop."""
+    """Returns the governed steps for random velocities with jumps, and for the stop."""
     rng = np.random.default_rng(seed)
     row, moved = np.zeros(3), []
     for step in range(1, count + 1):

@@ -1,4 +1,4 @@
-"""The governor: limits kept with wrong models, and a stop where the command or the clock fails."""
+"""Tests the governor: limits with wrong models, and stops if command or clock fail."""
 
 import copy
 import math
@@ -29,7 +29,7 @@ TANK = Model(Rectangle(0.1, 0.07, 0.08)).with_effect("vertical_acceleration").no
 
 
 def run(governor, commands, start=1):
-    """What it gives for rows of velocities, and for None: no command."""
+    """Returns the governor's steps for rows of velocities; None means no command."""
     moved = []
     for step, row in enumerate(commands, start):
         now = step * PERIOD_NS
@@ -40,7 +40,7 @@ def run(governor, commands, start=1):
 
 
 def stopped(governor, moved):
-    """The same until it rests, without commands."""
+    """Returns the governor's steps until it rests, without commands."""
     found = list(moved)
     while found[-1].rest > 0.0 or found[-1].state is not GovernorState.RESTING:
         found += run(governor, [None], len(found) + 1)
@@ -49,7 +49,7 @@ def stopped(governor, moved):
 
 
 def jumps(seed, count=250):
-    """Velocities that jump at random, at times to nothing [m/s]."""
+    """Returns random velocities with jumps [m/s], sometimes zero."""
     rng = np.random.default_rng(seed)
     rows, row = [], np.zeros(3)
     for _ in range(count):
@@ -60,7 +60,7 @@ def jumps(seed, count=250):
 
 
 def as_planned(moved):
-    """Its motion with rows at 1 kHz, for the independent equations."""
+    """Converts governed steps to a motion at 1 kHz, for the independent equations."""
     t = np.arange(len(moved) * 10 + 1) / 1000.0
     rows = np.concatenate([np.zeros((1, 3)), [one.acceleration for one in moved]])
     acceleration = np.column_stack(
@@ -140,7 +140,7 @@ def test_a_target_is_reached():
 
 
 def fails(kind):
-    """Commands that end at step 60, and the reason to stop."""
+    """Returns the commands up to a fault at step 60, and the expected reason to stop."""
     rows = [(0.4, 0.0, 0.0)] * 60
     if kind == "silence":
         return rows + [None] * 200, StopReason.SILENT

@@ -1,4 +1,4 @@
-"""The governor of joints over DDS: it starts where the robot is, limits, stops and says so."""
+"""Tests the joint governor over DDS: start position, limits, stops and reported reasons."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ KINDS = {
 
 
 class Cell(Graph):
-    """The node, the robot's joint states, and who commands it."""
+    """The governor node, with simulated joint states and a client that sends commands."""
 
     def __init__(self, model: Path, command: str) -> None:
         super().__init__(executor=SingleThreadedExecutor())
@@ -72,7 +72,7 @@ class Cell(Graph):
         self.states = self.publisher(JointState, topics.JOINT_STATES)
 
     def stand(self, places: list[float]) -> None:
-        """Says where the robot is until the governor is there."""
+        """Publishes the robot's joint states until the governor is ready."""
         goal = [places[1], places[2], places[3], places[0]]
 
         def there() -> bool:

@@ -1,4 +1,4 @@
-"""The governor over DDS: it moves, limits, stops for its reasons, and says what it does."""
+"""Tests the governor over DDS: motion, limits, stops and their reported reasons."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ RATE, LIMIT = 20.0, 0.012
 
 
 class Cell(Graph):
-    """The node, and who commands it."""
+    """The governor node, and a client that sends commands."""
 
     def __init__(self, model: Any, **given: Any) -> None:
         super().__init__(executor=SingleThreadedExecutor())
@@ -60,7 +60,7 @@ class Cell(Graph):
         self.commands.publish(message)
 
     def follow(self, x: float, steps: int) -> GovernedMotion:
-        """Commands a velocity for some steps; returns the last one."""
+        """Commands a velocity for some steps; returns the last governed step."""
         end = len(self.moved) + steps
         while len(self.moved) < end:
             self.command(x)
@@ -69,7 +69,7 @@ class Cell(Graph):
         return self.moved[-1]
 
     def rest(self, reason: int) -> GovernedMotion:
-        """Waits until it rests for a reason."""
+        """Waits until the governor rests for a given reason."""
         self.until(lambda: (self.moved[-1].state, self.moved[-1].reason) == (
             GovernedMotion.RESTING, reason))  # fmt: skip
         return self.moved[-1]
@@ -199,7 +199,7 @@ def test_another_container_is_governed_from_rest_on(cell: Cell) -> None:
 
 
 def tray_text() -> str:
-    """A tray of a held and a loosely standing cup."""
+    """Returns the file text of a tray with a held and a loosely standing cup."""
     model = yaml.safe_load(TEXT)
     other = {**model, "container": {"shape": "cylinder", "radius": 0.035, "fill_height": 0.06}}
     loose = {"mass": 0.1, "centre_height": 0.04, "base_radius": 0.03, "friction": 0.1}

@@ -94,7 +94,7 @@ def test_a_plan_keeps_every_limit_by_other_means(planned):
         t, np.concatenate([acceleration, np.zeros((rest, 3))]),
         np.concatenate([turned, np.tile(turned[-1], (rest, 1))]),
     )  # fmt: skip
-    found = simulate(CUP.feeling_gravity(), inputs)[0].msh
+    found = simulate(CUP.with_gravity_tilt(), inputs)[0].msh
     assert found.max() <= LIMITS.height * 1.002
     assert found[len(place) :].max() <= LIMITS.residual * 1.002
     assert found.max() > 0.9 * LIMITS.height  # it is used, not merely kept

@@ -1,4 +1,4 @@
-"""Motion maps: the laws, random speeds, and the controller's program, which is executed."""
+"""Tests motion maps: time laws, random speeds, and the controller's program as executed."""
 
 import csv
 import re
@@ -24,7 +24,7 @@ LIMITS = PlanLimits(0.012, 0.002)
 
 @pytest.fixture(scope="module")
 def found():
-    """A map of the cup from 30 to 60 cycles a minute; it ends before."""
+    """Returns the motion map of a cup for 30 to 60 cycles a minute, which ends earlier."""
     return motion_map(CUP, STROKE, [30.0, 34.0, 38.0, 42.0, 50.0, 60.0], LIMITS)
 
 

@@ -1,4 +1,4 @@
-"""The relay over DDS: between a client and a controller, a motion keeps the liquid low."""
+"""Tests that the relay, between client and controller, keeps the liquid low."""
 
 import math
 import threading
@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.nodes import heard_input
+from slosh_estimator.nodes import input_subscription
 from slosh_estimator.robot import available
 from slosh_model.model_text import parse_model
 from slosh_msgs_py import qos, topics
@@ -53,7 +53,7 @@ LIMIT = 0.01
 
 
 class Controller:
-    """Stands in for the robot's controller: it runs no joint, and says what it was sent."""
+    """Simulated robot controller that records the goals that it was sent."""
 
     def __init__(self) -> None:
         self.node = Node("arm_controller")
@@ -91,7 +91,7 @@ class Controller:
 
 
 class Cell(Graph):
-    """Relay and controller in threads of their own, and a client."""
+    """Relay and simulated controller in threads of their own, and a client."""
 
     def __init__(self, relay: RelayNode) -> None:
         super().__init__(executor=SingleThreadedExecutor())
@@ -155,7 +155,7 @@ def fresh(cell: Cell) -> None:
 
 
 def swing(seconds: float, *, names: Any = ("shoulder", "elbow"), first: float = 0.0) -> Any:
-    """From rest to rest, with velocities and accelerations, by a quintic."""
+    """Returns a quintic joint motion from rest to rest with velocities and accelerations."""
     made = JointTrajectory(joint_names=list(names))
     for x in np.linspace(first, 1.0, 21).tolist():
         share = x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
@@ -171,7 +171,7 @@ def swing(seconds: float, *, names: Any = ("shoulder", "elbow"), first: float = 
 
 
 def peak(trajectory: Any, files: dict[str, Any]) -> float:
-    """What the liquid does on what the controller was sent."""
+    """Returns the liquid's peak height in the motion that the controller was sent."""
     columns = [
         np.array([getattr(point, name) for point in trajectory.points])
         for name in ("positions", "velocities", "accelerations")
@@ -264,7 +264,7 @@ def test_one_point_is_reached_from_where_the_joints_stand(cell: Cell) -> None:
     point = JointTrajectoryPoint(positions=[0.3, 0.1], time_from_start=to_duration(4 * 10**9))
     given.points = [point]
     done = cell.got(cell.send(given).get_result_async())
-    assert "nothing tells where joint 'shoulder' stands" in done.result.error_string
+    assert "the position of joint 'shoulder' is unknown" in done.result.error_string
     states = cell.publisher(JointState, topics.JOINT_STATES, qos.STREAM_OUT)
     states.publish(JointState(name=["elbow", "shoulder"], position=[0.05, 0.1]))
     cell.until(lambda: "shoulder" in cell.relay._standing, "the joints")
@@ -342,6 +342,6 @@ def test_where_control_msgs_is_missing_the_command_that_installs_it_is_told(
     def missing(name: str) -> Any:
         raise ImportError(name)
 
-    monkeypatch.setattr(heard_input, "find_type", missing)
+    monkeypatch.setattr(input_subscription, "find_type", missing)
     with pytest.raises(SloshEstimatorError, match="apt install ros-jazzy-control-msgs"):
         RelayNode()

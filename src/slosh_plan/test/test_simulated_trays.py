@@ -1,4 +1,4 @@
-"""Random trays: the container that a prediction names worst is the worst by other equations."""
+"""Tests with random trays that the predicted worst container is the worst."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def drawn(seed):
 
 
 def share_of(one, t, position, turned):
-    """Returns a container's greatest height, as a share of its limit, from its own path alone."""
+    """Returns a container's peak height divided by its limit, computed from its own path."""
     fine = np.vstack([position[:1], position, position[-1:]])
     way = fine + Rotation.concatenate([turned[:1], turned, turned[-1:]]).apply(one.place)
     acceleration = (way[2:] - 2.0 * way[1:-1] + way[:-2]) * 1e6

@@ -1,4 +1,4 @@
-"""The controller's program by the grammar and the types of IEC 61131-3, for what it uses."""
+"""Tests the controller's program by the grammar and the types of IEC 61131-3."""
 
 import re
 
@@ -33,11 +33,11 @@ FUNCTIONS = {
 
 
 class WrongTextError(ValueError):
-    """The text is no function block, or its types do not fit."""
+    """Error of a text that is no valid function block, or has wrong types."""
 
 
 class FunctionBlock:
-    """A parser of one function block; names are alike in capitals and small letters."""
+    """Parser of one function block; names are case-insensitive."""
 
     def __init__(self, text):
         self._tokens, at = [], 0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slosh_model import Cylinder, Model
-from slosh_model.tilt import FELT, added_text, feeling, ignored_text, largest_tilt
+from slosh_model.tilt import TILT_THRESHOLD, added_text, ignored_text, largest_tilt, with_tilt
 from slosh_plan import HeightLimits, Trajectory, predict, safe_scales
 
 CUP = Model(Cylinder(0.05, 0.07)).nonlinear().spatial()
@@ -34,13 +34,13 @@ def test_the_largest_tilt_is_that_of_the_containers_axis():
 @pytest.mark.parametrize("degrees", [0.4, 0.6, 30.0])
 def test_gravity_is_felt_where_a_motion_tilts(degrees):
     motion = tilting(degrees)
-    tilts = math.radians(degrees) > FELT
-    assert feeling(CUP, motion.attitude) == (CUP.feeling_gravity() if tilts else CUP)
+    tilts = math.radians(degrees) > TILT_THRESHOLD
+    assert with_tilt(CUP, motion.attitude) == (CUP.with_gravity_tilt() if tilts else CUP)
     assert bool(added_text(CUP, motion.attitude)) == tilts
     assert bool(ignored_text(CUP, motion.attitude)) == tilts
-    assert added_text(CUP.feeling_gravity(), motion.attitude) == ""
+    assert added_text(CUP.with_gravity_tilt(), motion.attitude) == ""
     (found,) = predict(CUP, motion)
-    (right,) = predict(CUP.feeling_gravity(), motion)
+    (right,) = predict(CUP.with_gravity_tilt(), motion)
     assert found.nonlinear.peak == (right.nonlinear.peak if tilts else 0.0)
     assert found.nonlinear.model == ("3D-NL+gravity_tilt" if tilts else "3D-NL")
 

@@ -1,4 +1,4 @@
-"""Predictor and planner over DDS with a tray: each answers for the worst container."""
+"""Tests predictor and planner over DDS with a tray: the worst container decides."""
 
 import math
 import threading
@@ -38,7 +38,7 @@ TRAY = parse_tray(TEXT)
 
 
 class Cell(Graph):
-    """Both nodes, and who asks them."""
+    """Predictor and planner node, with a client."""
 
     def __init__(self) -> None:
         super().__init__(executor=SingleThreadedExecutor())
@@ -50,7 +50,7 @@ class Cell(Graph):
         self.until(lambda: self.changes.get_subscription_count() == 2)
 
     def tell(self, tray: Tray) -> None:
-        """What the estimator says after a change on its tray."""
+        """Publishes the estimator's message after a change on its tray."""
         first = tray.first
         change = filled(
             ContainerChange, present=not first.empty, model=format_model(first.model),
@@ -130,7 +130,7 @@ def test_a_planned_trajectory_is_predicted_for_the_worst_container(cell: Cell) -
 
 
 def estimate(cell: Cell, **fields: Any) -> TrayEstimate:
-    """Returns what the estimator says of a tray whose second container's liquid moves."""
+    """Returns an estimate of a tray in whose second container the liquid moves."""
     message = TrayEstimate(containers=["low", "wide"], modes=[1, 1], flags=[0, 0])
     message.header.stamp = cell.node.get_clock().now().to_msg()
     message.linear_modal = [0.0] * 4 + [0.001, 0.0, 0.0, 0.02]
@@ -141,7 +141,7 @@ def estimate(cell: Cell, **fields: Any) -> TrayEstimate:
 
 
 def newest(read: NewestEstimate) -> Any:
-    """Returns the stamp of the newest estimate of a tray that a node has taken."""
+    """Returns the stamp of the newest tray estimate that a node has received."""
     message = read._newest(read._trays, TrayEstimate)
     return None if message is None else message.header.stamp
 

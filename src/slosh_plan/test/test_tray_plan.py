@@ -71,7 +71,7 @@ def test_the_worst_cup_of_a_simulated_tray_is_the_named_one(seed):
     peaks = {}
     for one in tray.containers:
         inputs = Inputs(T, motion.acceleration(T, np.array(one.place)), attitude)
-        peaks[one.name] = float(simulate(one.model.feeling_gravity(), inputs)[0].msh.max())
+        peaks[one.name] = float(simulate(one.model.with_gravity_tilt(), inputs)[0].msh.max())
         assert found.containers[one.name].nonlinear.peak == pytest.approx(
             peaks[one.name], rel=0.03, abs=2e-4
         )

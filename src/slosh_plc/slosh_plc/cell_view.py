@@ -98,7 +98,7 @@ class CellView:
         """Stores the limits among the settings of a node of the cell; only the monitor has any."""
         if node != "monitor":
             return
-        limits = MonitorSettings.from_told(parameters).limits
+        limits = MonitorSettings.from_partial(parameters).limits
         with self._lock:
             self._limits = {
                 "measured_limit": _number(limits[Source.MEASURED]),

@@ -2,46 +2,126 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from slosh_plc.errors import SloshPlcError
-from slosh_plc.server import missing
+from slosh_plc.server import LOOPBACK, missing
 from slosh_plc.tuning import TUNING
 
 DAY = 86400.0  # s
 ENDINGS = (".pem", ".der", ".crt")
+UNSPECIFIED = ("0.0.0.0", "::")
+"""All addresses of the machine; which name a client uses is not known."""
 LARGEST = 64_000
 """Largest certificate or key file [bytes]."""
 
 
 @dataclass(frozen=True, slots=True)
-class ServerCertificate:
-    """A server's certificate, checked against its key and the time.
+class Certificate:
+    """What a certificate's file says.
 
     Attributes:
-        path, key: PEM or DER files of the certificate and of its private key.
-        uri: application URI in the certificate, by which clients know the server.
-        until: the time at which it expires.
+        path: PEM or DER file.
+        name: common name of its subject; empty: it has none.
+        uri: application URI, by which OPC UA programs know each other; empty: it has none.
+        hosts: DNS names and IP addresses for which it holds, in lower case.
+        begin, until: the times between which it is valid, with a time zone.
+        der: the certificate itself.
     """
 
     path: Path
-    key: Path
+    name: str
     uri: str
+    hosts: tuple[str, ...]
+    begin: datetime
     until: datetime
+    der: bytes = field(repr=False)
+
+    @property
+    def fingerprint(self) -> bytes:
+        """SHA-256 fingerprint."""
+        return hashlib.sha256(self.der).digest()
+
+    def days_left(self, now: datetime) -> float:
+        """Returns the rest of its validity [day]; negative: it has expired."""
+        return (self.until - now).total_seconds() / DAY
 
     def complaint(self, now: datetime) -> str:
-        """Returns a sentence if the certificate expires soon or has expired; else empty."""
-        rest = (self.until - now).total_seconds() / DAY
-        if rest > TUNING.expiring:
-            return ""
+        """Returns a sentence if it expires soon, has expired or is not valid yet; else empty."""
+        rest = self.days_left(now)
         when = f"{self.until:%Y-%m-%d}"
+        if self.begin > now:
+            begin = f"{self.begin:%Y-%m-%d %H:%M}"
+            return f"certificate {self.path} is valid from {begin} UTC on; check the clock"
         if rest <= 0.0:
-            return f"certificate {self.path} expired on {when}: clients refuse it; renew it"
-        return f"certificate {self.path} expires on {when}: renew it"
+            return f"certificate {self.path} expired on {when}; renew it"
+        if rest <= TUNING.expiring:
+            return f"certificate {self.path} expires on {when}; renew it"
+        return ""
+
+
+@dataclass(frozen=True, slots=True)
+class ServerCertificate(Certificate):
+    """A server's certificate, checked against its key and the time.
+
+    Attributes:
+        key_der: its private key, PKCS #8.
+    """
+
+    key_der: bytes = field(repr=False)
+
+    def check_host(self, host: str) -> None:
+        """Checks that it holds for the address on which the server listens.
+
+        Raises:
+            SloshPlcError: it does not, and clients would refuse it.
+        """
+        if host in LOOPBACK or host in UNSPECIFIED or host.lower() in self.hosts:
+            return
+        known = ", ".join(self.hosts) or "no host"
+        raise SloshPlcError(
+            f"certificate: {self.path} is for {known}, not for host = {host}: clients refuse it; "
+            f"slosh certificates {self.path.parent} --create {host} --replace makes a new one"
+        )
+
+
+def read_certificate(name: str, path: Path) -> Certificate:
+    """Reads a certificate; whether it is valid now is not checked.
+
+    Args:
+        name: of the parameter or option that gives the path.
+        path: PEM or DER file.
+
+    Raises:
+        SloshPlcError: there is no such file, or it is no certificate.
+    """
+    from cryptography import x509
+    from cryptography.hazmat.primitives.serialization import Encoding
+
+    found = _load(name, path)
+    names = found.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)
+    try:
+        others = found.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    except (x509.ExtensionNotFound, ValueError):
+        others = x509.SubjectAlternativeName([])
+    uris = others.get_values_for_type(x509.UniformResourceIdentifier)
+    hosts = [
+        *others.get_values_for_type(x509.DNSName), *others.get_values_for_type(x509.IPAddress)
+    ]  # fmt: skip
+    return Certificate(
+        path,
+        str(names[0].value) if names else "",
+        str(uris[0]) if uris else "",
+        tuple(str(host).lower() for host in hosts),
+        found.not_valid_before_utc,
+        found.not_valid_after_utc,
+        found.public_bytes(Encoding.DER),
+    )
 
 
 def read_server_certificate(path: Path, key: Path, now: datetime) -> ServerCertificate:
@@ -56,21 +136,28 @@ def read_server_certificate(path: Path, key: Path, now: datetime) -> ServerCerti
         SloshPlcError: a file is missing or unreadable, they do not belong together, the
             certificate has no application URI, or it is not valid now.
     """
-    certificate = _load("certificate", path)
+    from cryptography.hazmat.primitives import serialization as form
+
+    certificate = read_certificate("certificate", path)
     private = _read("private_key", key, _key_of)
-    if private.public_key() != certificate.public_key():
+    if private.public_key() != _load("certificate", path).public_key():
         raise SloshPlcError(f"private_key: {key} is not the key of {path}")
-    found = ServerCertificate(path, key, _uri(certificate, path), certificate.not_valid_after_utc)
-    if certificate.not_valid_before_utc > now:
-        begin = f"{certificate.not_valid_before_utc:%Y-%m-%d %H:%M}"
-        raise SloshPlcError(f"certificate: {path} is valid from {begin} UTC on; check the clock")
-    if found.until <= now:
-        raise SloshPlcError(f"certificate: {path} expired on {found.until:%Y-%m-%d}; renew it")
-    return found
+    if not certificate.uri:
+        raise SloshPlcError(
+            f"certificate: {path} has no application URI among its alternative names, "
+            "which OPC UA clients check"
+        )
+    if certificate.begin > now or certificate.until <= now:
+        raise SloshPlcError(certificate.complaint(now))
+    secret = private.private_bytes(
+        form.Encoding.DER, form.PrivateFormat.PKCS8, form.NoEncryption()
+    )
+    given = {one.name: getattr(certificate, one.name) for one in fields(certificate)}
+    return ServerCertificate(**given, key_der=secret)
 
 
-def read_trusted(folder: Path) -> frozenset[bytes]:
-    """Reads the certificates of trusted clients; returns their SHA-256 fingerprints.
+def read_trusted(folder: Path) -> tuple[Certificate, ...]:
+    """Reads the certificates of trusted clients, in the order of their files' names.
 
     Raises:
         SloshPlcError: there is no such folder, a file in it is no certificate, or it has none.
@@ -83,7 +170,7 @@ def read_trusted(folder: Path) -> frozenset[bytes]:
             f"trusted_clients: {folder} has no certificate ({', '.join(ENDINGS)}): "
             "no client could connect"
         )
-    return frozenset(fingerprint(_load("trusted_clients", path)) for path in paths)
+    return tuple(read_certificate("trusted_clients", path) for path in paths)
 
 
 def fingerprint(certificate: Any) -> bytes:
@@ -131,19 +218,3 @@ def _read(name: str, path: Path, parse: Callable[[bytes], Any]) -> Any:
             raise
         what = "private key without a password" if name == "private_key" else "certificate"
         raise SloshPlcError(f"{name}: {path} is no {what} in PEM or DER") from None
-
-
-def _uri(certificate: Any, path: Path) -> str:
-    from cryptography import x509
-
-    try:
-        names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
-    except x509.ExtensionNotFound:
-        names = None
-    found = names.get_values_for_type(x509.UniformResourceIdentifier) if names else []
-    if not found:
-        raise SloshPlcError(
-            f"certificate: {path} has no application URI among its alternative names, "
-            "which OPC UA clients check"
-        )
-    return str(found[0])

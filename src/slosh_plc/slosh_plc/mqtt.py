@@ -6,93 +6,14 @@ never finds the last good state of a cell whose server has gone.
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
-import importlib
 import json
 import math
-import re
-import ssl
 from collections.abc import Mapping
-from dataclasses import dataclass
 from datetime import UTC, datetime
-from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-from slosh_plc.cell_state import SIGNALS, CellState, Kind, Quality, Reading
-from slosh_plc.errors import SloshPlcError
-from slosh_plc.server import ServerHealth, State, missing
-from slosh_plc.tuning import TUNING
-
-PREFIX: Final = "slosh"
-PORT, TLS_PORT = 1883, 8883
-LONGEST = 4096
-"""Longest password file [bytes]."""
-BROKER = re.compile(r"(?P<host>\[[0-9a-fA-F:]+\]|[\w.-]+)(:(?P<port>\d{1,5}))?", re.ASCII)
-
-
-@dataclass(frozen=True, slots=True)
-class MqttSettings:
-    """Settings of a publisher to an MQTT broker.
-
-    Attributes:
-        cell: namespace of the cell without the first slash.
-        host, port: address of the broker.
-        user, password: of the publisher; empty: none.
-        authority: PEM file of the authority that signed the broker's certificate; None: no TLS.
-    """
-
-    cell: str
-    host: str
-    port: int
-    user: str = ""
-    password: str = ""
-    authority: Path | None = None
-
-    @property
-    def topic(self) -> str:
-        """Topic of the cell's document."""
-        return f"{PREFIX}/{self.cell}/state"
-
-    @property
-    def address(self) -> str:
-        """Address of the broker as text."""
-        return f"{self.host}:{self.port}"
-
-
-def read_settings(
-    cell: str, broker: str, user: str = "", password_file: str = "", authority: str = ""
-) -> MqttSettings:
-    """Reads the settings from a node's parameters.
-
-    Args:
-        cell: namespace of the cell without the first slash.
-        broker: HOST or HOST:PORT.
-        user: name of the publisher; empty: none.
-        password_file: file whose first line is the password; empty: none.
-        authority: PEM file of a certificate authority, for TLS; empty: no TLS.
-
-    Raises:
-        SloshPlcError: a value does not fit, or a file is missing or no such file.
-    """
-    found = BROKER.fullmatch(broker)
-    port = int(found["port"] or (TLS_PORT if authority else PORT)) if found else 0
-    if found is None or not 0 < port < 65536:
-        raise SloshPlcError(f"mqtt_broker = {broker!r} must be HOST or HOST:PORT")
-    if password_file and not user:
-        raise SloshPlcError("mqtt_password_file: needs mqtt_user")
-    password = ""
-    if password_file:
-        try:
-            with Path(password_file).open(encoding="utf-8") as file:
-                password = file.readline(LONGEST).rstrip("\r\n")
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or "is no text"
-            raise SloshPlcError(f"mqtt_password_file: {password_file}: {reason}") from None
-    path = Path(authority) if authority else None
-    if path is not None:
-        _tls(path)
-    return MqttSettings(cell, found["host"].strip("[]"), port, user, password, path)
+from slosh_plc.broker_client import PREFIX, BrokerClient, Message, MqttSettings, lost_state
+from slosh_plc.cell_state import SIGNALS, CellState, Kind
 
 
 def document(cell: str, state: CellState, now: datetime) -> str:
@@ -116,105 +37,43 @@ def document(cell: str, state: CellState, now: datetime) -> str:
     return json.dumps(told, allow_nan=False)
 
 
-def lost_state() -> CellState:
-    """Returns the state of a cell whose server has gone: all values are bad."""
-    return CellState(
-        True, **{signal.name: Reading(signal.lost, Quality.BAD) for signal in SIGNALS}
-    )
+class MqttPublisher(BrokerClient):
+    """Publishes a cell's state as a retained document."""
 
-
-class MqttPublisher:
-    """Publishes a cell's state to a broker, and connects again when that is lost."""
+    kind = "MQTT"
 
     def __init__(self, settings: MqttSettings) -> None:
-        self._settings = settings
-        self._task: asyncio.Task[None] | None = None
-        self._newest: asyncio.Queue[CellState] = asyncio.Queue(maxsize=1)
-        self._connected = False
-        self._problem = "not connected yet"
+        super().__init__(settings, settings.cell)
 
-    async def start(self, state: State) -> None:
-        """Begins to connect; an absent broker is no error.
+    @property
+    def topic(self) -> str:
+        """Topic of the cell's document."""
+        return f"{PREFIX}/{self.settings.cell}/state"
 
-        Raises:
-            SloshPlcError: aiomqtt is not installed.
-        """
-        try:
-            importlib.import_module("aiomqtt")
-        except ModuleNotFoundError:
-            raise missing("aiomqtt") from None
-        self._task = asyncio.get_running_loop().create_task(self._run())
+    @property
+    def where(self) -> str:
+        """Topic of the cell's document, for a sentence."""
+        return f"topic {self.topic}"
 
-    async def update(self, state: CellState) -> None:
-        """Takes the newest state; one that could not be sent yet is replaced."""
-        with contextlib.suppress(asyncio.QueueEmpty):
-            self._newest.get_nowait()
-        self._newest.put_nowait(state)
+    def will(self) -> Message:
+        """Returns the document of a lost cell."""
+        return Message(self.topic, self._document(lost_state()), True)
 
-    async def stop(self) -> None:
-        """Publishes that the cell is lost, and disconnects."""
-        if self._task is not None:
-            self._task.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await self._task
-
-    def health(self) -> ServerHealth:
-        """Returns whether the broker is connected, or why it is not."""
-        if self._connected:
-            topic = self._settings.topic
-            return ServerHealth(True, f"MQTT to {self._settings.address}, topic {topic}")
-        return ServerHealth(
-            False,
-            f"MQTT broker {self._settings.address} is not connected: {self._problem}; "
-            f"trying every {TUNING.retry:g} s",
-        )
-
-    async def _run(self) -> None:
-        from aiomqtt import MqttError
-
+    async def session(self, client: Any) -> None:
+        """Publishes each new state, without waiting for the broker's answer."""
         while True:
-            try:
-                await self._publish()
-            except (MqttError, OSError) as error:
-                self._problem = " ".join(str(error).split()) or type(error).__name__
-            finally:
-                self._connected = False
-            await asyncio.sleep(TUNING.retry)
+            data = self._document(await self.newest())
+            await client.publish(self.topic, data, retain=True)
 
-    async def _publish(self) -> None:
-        """Connects and publishes each new state until the connection is lost."""
-        from aiomqtt import Client, Will
+    async def last_words(self, client: Any) -> None:
+        """Publishes the document of a lost cell."""
+        await client.publish(self.topic, self._document(lost_state()), qos=1, retain=True)
 
-        own = self._settings
-        lost = document(own.cell, lost_state(), datetime.now(UTC))
-        client = Client(
-            own.host, own.port, username=own.user or None, password=own.password or None,
-            identifier=f"{PREFIX}-{own.cell.replace('/', '-')}",
-            will=Will(own.topic, lost, qos=1, retain=True), keepalive=TUNING.keep_alive,
-            timeout=TUNING.retry, tls_context=_tls(own.authority) if own.authority else None,
-        )  # fmt: skip
-        async with client:
-            self._connected = True
-            try:
-                while True:
-                    state = await self._newest.get()
-                    text = document(own.cell, state, datetime.now(UTC))
-                    await client.publish(own.topic, text, retain=True)
-            except asyncio.CancelledError:
-                lost = document(own.cell, lost_state(), datetime.now(UTC))
-                await client.publish(own.topic, lost, qos=1, retain=True)
-                raise
+    def _document(self, state: CellState) -> bytes:
+        return document(self.settings.cell, state, datetime.now(UTC)).encode()
 
 
 def _plain(kind: Kind, value: float) -> bool | int | float | None:
     if not math.isfinite(value):
         return None
     return bool(value) if kind is Kind.FLAG else value if kind is Kind.NUMBER else int(value)
-
-
-def _tls(authority: Path) -> ssl.SSLContext:
-    try:
-        return ssl.create_default_context(cafile=authority)
-    except (OSError, ssl.SSLError) as error:
-        reason = error.strerror if type(error) is FileNotFoundError else "is no certificate in PEM"
-        raise SloshPlcError(f"mqtt_authority: {authority}: {reason}") from None

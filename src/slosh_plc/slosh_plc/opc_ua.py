@@ -7,12 +7,14 @@ takes encrypted connections alone, and only those of the trusted clients where a
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Final
 
+from slosh_base.files.plain_text import plain_line
 from slosh_plc.cell_state import SIGNALS, CellState, Kind, Quality, Reading, Signal
-from slosh_plc.certificates import ServerCertificate, fingerprint
+from slosh_plc.certificates import Certificate, ServerCertificate, fingerprint
 from slosh_plc.errors import SloshPlcError
 from slosh_plc.server import LOOPBACK, ServerHealth, State, check_port, missing, quiet
 
@@ -20,10 +22,12 @@ NAMESPACE: Final = "urn:slosh:cell"
 """Namespace of the information model."""
 TYPE: Final = "SloshCellType"
 UNECE: Final = "http://www.opcfoundation.org/UA/units/un/cefact"
-UNITS: Final = {"m": ("MTR", "metre"), "s": ("SEC", "second")}
-"""Common code of the UN/CEFACT recommendation 20 and name, by unit."""
+UNITS: Final = {"m": ("MTR", "metre", (0.0, 0.1)), "s": ("SEC", "second", (0.0, 60.0))}
+"""Common code of the UN/CEFACT recommendation 20, name, and usual range for a display, by unit."""
 PATH: Final = "slosh"
 """Path of the endpoint."""
+LONGEST_NAME: Final = 80
+"""Of a stranger in a sentence."""
 
 
 def node_name(cell: str, signal: str) -> str:
@@ -44,17 +48,18 @@ class OpcUaSettings:
         cell: name of the cell's object, its namespace without the first slash.
         host, port: address on which the server listens.
         certificate: the server's; None: no security.
-        trusted: SHA-256 fingerprints of the clients' certificates that are let in; empty: all.
+        trusted: certificates of the clients that are let in; empty: all clients.
 
     Raises:
-        SloshPlcError: without a certificate it would be open to other machines.
+        SloshPlcError: without a certificate it would be open to other machines, or the
+            certificate is for another host.
     """
 
     cell: str
     host: str
     port: int
     certificate: ServerCertificate | None = None
-    trusted: frozenset[bytes] = field(default_factory=frozenset)
+    trusted: tuple[Certificate, ...] = ()
 
     def __post_init__(self) -> None:
         if self.certificate is None and self.host not in LOOPBACK:
@@ -63,6 +68,8 @@ class OpcUaSettings:
             )
         if self.certificate is None and self.trusted:
             raise SloshPlcError("trusted_clients: needs certificate and private_key")
+        if self.certificate is not None:
+            self.certificate.check_host(self.host)
 
     @property
     def url(self) -> str:
@@ -79,6 +86,7 @@ class OpcUaServer:
         self._server: Any = None
         self._nodes: dict[str, Any] = {}
         self._clients = 0
+        self._refused = Refused()
 
     async def start(self, state: State) -> None:
         """Makes the address space and begins to listen.
@@ -96,7 +104,7 @@ class OpcUaServer:
         server.name = server.manufacturer_name = "slosh"
         server.set_endpoint(self._settings.url)
         await server.init()
-        await _secure(server, self._settings)
+        await _secure(server, self._settings, self._refused)
         self._nodes = await _make_model(server, self._settings.cell)
         self._server = server
         await self.update(state())
@@ -119,15 +127,36 @@ class OpcUaServer:
         await self._server.stop()
 
     def health(self) -> ServerHealth:
-        """Returns the address, the number of clients, and a complaint about the certificate."""
+        """Returns the address, the clients, and complaints about certificates."""
         own = self._settings.certificate
-        complaint = own.complaint(datetime.now(UTC)) if own else ""
+        known = [*([own] if own else []), *self._settings.trusted]
+        now = datetime.now(UTC)
+        complaints = [text for text in (one.complaint(now) for one in known) if text]
         sentence = f"OPC UA on {self._settings.url}, {self._clients} clients"
-        return ServerHealth(not complaint, f"{sentence}; {complaint}" if complaint else sentence)
+        told = [sentence, *filter(None, [self._refused.sentence]), *complaints]
+        return ServerHealth(not complaints, "; ".join(told))
+
+
+class Refused:
+    """Counts the clients that are refused by their certificates.
+
+    Attributes:
+        sentence: how many, and why the last one; empty: none was.
+    """
+
+    def __init__(self) -> None:
+        self._count = 0
+        self.sentence = ""
+
+    def add(self, certificate: Any, reason: str) -> None:
+        """Counts a client that is refused for a reason."""
+        self._count += 1
+        who = plain_line(certificate.subject.rfc4514_string())[:LONGEST_NAME]
+        self.sentence = f"{self._count} clients refused, the last one, {who}: {reason}"
 
 
 class _Readers:
-    """Lets every client that the security policy lets in read; none is an administrator."""
+    """Gives each client that the security policy accepts the right to read, never to write."""
 
     def get_user(self, *_: Any, **__: Any) -> Any:
         from asyncua.crypto.permission_rules import User, UserRole
@@ -135,7 +164,7 @@ class _Readers:
         return User(role=UserRole.User)
 
 
-async def _secure(server: Any, settings: OpcUaSettings) -> None:
+async def _secure(server: Any, settings: OpcUaSettings, refused: Refused) -> None:
     """Sets the security of a server that does not listen yet."""
     from asyncua import ua
 
@@ -152,24 +181,34 @@ async def _secure(server: Any, settings: OpcUaSettings) -> None:
             ua.SecurityPolicyType.Aes256Sha256RsaPss_SignAndEncrypt,
         ]
     )
-    await server.load_certificate(own.path)
-    await server.load_private_key(own.key)
+    await server.load_certificate(own.der, "der")
+    await server.load_private_key(own.key_der, format="der")
     await server.set_application_uri(own.uri)
-    server.set_certificate_validator(_validator(settings.trusted))
+    server.set_certificate_validator(_validator(settings.trusted, refused))
 
 
-def _validator(trusted: frozenset[bytes]) -> Any:
+def _validator(trusted: Sequence[Certificate], refused: Refused) -> Any:
     """Returns a function that refuses clients by their certificates."""
     from asyncua import ua
     from asyncua.common.utils import ServiceError
     from asyncua.crypto.validator import CertificateValidator
 
     basic = CertificateValidator()
+    prints = {one.fingerprint for one in trusted}
+    reasons = {
+        ua.StatusCodes.BadCertificateTimeInvalid: "its certificate is not valid now",
+        ua.StatusCodes.BadCertificateUriInvalid: "its certificate is of another application URI",
+    }
 
     async def validate(certificate: Any, application: Any) -> None:
-        await basic.validate(certificate, application)
-        if trusted and fingerprint(certificate) not in trusted:
+        if prints and fingerprint(certificate) not in prints:
+            refused.add(certificate, "it is not among trusted_clients")
             raise ServiceError(ua.StatusCodes.BadCertificateUntrusted)
+        try:
+            await basic.validate(certificate, application)
+        except ServiceError as error:
+            refused.add(certificate, reasons.get(error.code, "its certificate is incomplete"))
+            raise
 
     return validate
 
@@ -230,12 +269,15 @@ async def _add_variable(parent: Any, index: int, name: str, signal: Signal) -> A
     about = ua.DataValue(ua.Variant(ua.LocalizedText(signal.meaning)))
     await variable.write_attribute(ua.AttributeIds.Description, about)
     if signal.unit in UNITS:
-        code, title = UNITS[signal.unit]
+        code, title, (low, high) = UNITS[signal.unit]
         unit = ua.EUInformation(
             UNECE, unit_number(code), ua.LocalizedText(signal.unit), ua.LocalizedText(title)
         )
         await variable.add_property(
             _identifier(index, f"{name}.EngineeringUnits"), "0:EngineeringUnits", unit
+        )
+        await variable.add_property(
+            _identifier(index, f"{name}.EURange"), "0:EURange", ua.Range(low, high)
         )
     if signal.choices:
         texts = [ua.LocalizedText(text) for text in signal.choices]

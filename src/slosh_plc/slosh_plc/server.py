@@ -12,7 +12,7 @@ import logging
 import socket
 import threading
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from slosh_plc.cell_state import CellState
 from slosh_plc.errors import SloshPlcError
@@ -58,6 +58,7 @@ class ServerThread:
     def __init__(self, servers: Sequence[Server], state: State) -> None:
         self._servers, self._state = servers, state
         self._loop = asyncio.new_event_loop()
+        self._loop.set_exception_handler(_tell_of_errors)
         self._task: asyncio.Task[None] | None = None
         self._started = threading.Event()
         self._failure: BaseException | None = None
@@ -118,6 +119,12 @@ class ServerThread:
         finally:
             for server in running:
                 await server.stop()
+
+
+def _tell_of_errors(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """Handles exceptions of callbacks; those of sockets that have just closed say nothing."""
+    if not isinstance(context.get("exception"), OSError):
+        loop.default_exception_handler(context)
 
 
 def check_port(name: str, host: str, port: int) -> None:

@@ -16,6 +16,8 @@ class PlcTuning:
     retry: float = number(2.0, "s", "time between two attempts to reach an MQTT broker")
     keep_alive: int = number(1, "s", "keep-alive time that an MQTT broker is told")
     starting: float = number(240.0, "s", "longest time that the servers may take to start")
+    validity: float = number(730.0, "day", "validity of a new certificate")
+    longest_validity: float = number(36500.0, "day", "longest validity of a new certificate")
     expiring: float = number(30.0, "day", "rest of a certificate's time that is reported")
 
 

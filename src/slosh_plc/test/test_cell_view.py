@@ -13,12 +13,13 @@ from hypothesis import strategies as st
 from slosh_estimator.comparison import Condition
 from slosh_estimator.limits import Kind, Source
 from slosh_estimator.observer.calm import CalmReason
+from slosh_plc.broker_client import MqttSettings, lost_state
 from slosh_plc.cell_state import REGISTERS, SIGNALS, Quality, Reading
 from slosh_plc.cell_state import Kind as Type
 from slosh_plc.cell_view import CellView
 from slosh_plc.errors import SloshPlcError
 from slosh_plc.modbus import ModbusServer, ModbusSettings, registers
-from slosh_plc.mqtt import MqttPublisher, MqttSettings, document, lost_state
+from slosh_plc.mqtt import MqttPublisher, document
 from slosh_plc.opc_ua import OpcUaServer, OpcUaSettings
 from slosh_plc.tuning import TUNING
 from slosh_testing.plc import ServedCell

@@ -6,8 +6,9 @@ import json
 
 import pytest
 
+from slosh_plc.broker_client import MqttSettings, read_settings
 from slosh_plc.errors import SloshPlcError
-from slosh_plc.mqtt import MqttPublisher, MqttSettings, read_settings
+from slosh_plc.mqtt import MqttPublisher
 from slosh_plc.server import ServerThread
 from slosh_plc.tuning import TUNING
 from slosh_testing.live_processes import until
@@ -20,7 +21,7 @@ CELL = "line_1"
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch):
-    monkeypatch.setattr("slosh_plc.mqtt.TUNING", dataclasses.replace(TUNING, retry=0.2))
+    monkeypatch.setattr("slosh_plc.broker_client.TUNING", dataclasses.replace(TUNING, retry=0.2))
 
 
 def hear(broker, condition, cell=CELL, **login):
@@ -138,7 +139,7 @@ def test_settings_are_checked(tmp_path):
     own = read_settings("slosh", "broker.local:1999", "plc", str(secret))
     assert (own.host, own.port, own.password) == ("broker.local", 1999, "open sesame")
     assert read_settings("slosh", "[::1]").address == "::1:1883"
-    assert own.topic == "slosh/slosh/state"
+    assert MqttPublisher(own).topic == "slosh/slosh/state"
     for given, reason in [
         (("mqtt://x",), "mqtt_broker = 'mqtt://x' must be HOST or HOST:PORT"),
         (("host:99999",), "must be HOST or HOST:PORT"),

@@ -1,12 +1,14 @@
 """Real OPC UA clients read the cell, with and without certificates, and can change nothing."""
 
 import asyncio
+import dataclasses
 import socket
 from datetime import UTC, datetime, timedelta
 
 import pytest
 
 from slosh_plc.cell_state import SIGNALS
+from slosh_plc.certificate_folder import create, trust
 from slosh_plc.certificates import read_server_certificate, read_trusted
 from slosh_plc.errors import SloshPlcError
 from slosh_plc.opc_ua import NAMESPACE, OpcUaServer, OpcUaSettings, node_name
@@ -101,6 +103,49 @@ def test_a_client_finds_the_cell_its_units_and_its_choices(served):
     assert "model estimates" in about
 
 
+async def browse(client):
+    """All properties of each value of the cell, its data type, access and status."""
+    made = await client.nodes.objects.get_child(f"{await index_of(client)}:{CELL}")
+    found = {}
+    for node in await made.get_children(nodeclassmask=ua.NodeClass.Variable):
+        names = {
+            (await part.read_browse_name()).Name: await part.read_value()
+            for part in await node.get_properties()
+        }
+        access = [
+            (await node.read_attribute(kind)).Value.Value
+            for kind in (ua.AttributeIds.AccessLevel, ua.AttributeIds.UserAccessLevel)
+        ]
+        status = (await node.read_data_value(raise_on_bad_status=False)).StatusCode
+        about = (await node.read_description()).Text
+        kind = await node.read_data_type_as_variant_type()
+        found[(await node.read_browse_name()).Name] = (names, access, status, about, kind)
+    return found
+
+
+def test_a_browser_finds_unit_range_quality_and_read_access_of_every_value(served):
+    cell, url = served
+    cell.state = good_state(state=2)
+    _, found = ask(url, until_told("state", 2), browse)
+    codes = {"m": b"MTR", "s": b"SEC"}  # UN/CEFACT recommendation 20
+    assert list(found) == [signal.name for signal in SIGNALS]
+    for signal in SIGNALS:
+        names, access, status, about, kind = found[signal.name]
+        assert access == [1, 1], signal.name  # CurrentRead alone
+        assert (status.is_good(), about) == (True, signal.meaning)
+        if signal.unit == "1":
+            assert not {"EngineeringUnits", "EURange"} & names.keys()
+            continue
+        assert kind is ua.VariantType.Double
+        unit, span = names["EngineeringUnits"], names["EURange"]
+        assert unit.NamespaceUri == "http://www.opcfoundation.org/UA/units/un/cefact"
+        assert unit.UnitId == int.from_bytes(codes[signal.unit], "big")
+        assert 0.0 <= span.Low < span.High < 1e3
+    cell.lose()
+    _, found = ask(url, until_told("state", None), browse)
+    assert {status.is_good() for _, _, status, _, _ in found.values()} == {False}
+
+
 def test_a_subscription_is_told_of_values_and_of_the_loss(served):
     cell, url = served
     cell.state = good_state(estimated_height=0.0123, state=1)
@@ -166,7 +211,7 @@ def test_nobody_can_change_anything(served, question, user):
 
 
 def certificate(folder, name, days=10, uri=True):
-    """Files of a new certificate and its key."""
+    """Files of a certificate and its key, made by asyncua's own generator."""
     folder.mkdir(exist_ok=True)
     path, key_path = folder / f"{name}.der", folder / f"{name}.key.pem"
     key = cert_gen.generate_private_key()
@@ -201,39 +246,109 @@ def secured(files):
         trusted=read_trusted(files["folder"] / "trusted"),
     )
     cell = ServedCell()
-    with cell.serve(OpcUaServer(own)):
-        yield own.url
+    server = OpcUaServer(own)
+    with cell.serve(server):
+        yield own.url, server
 
 
-def as_client(files, name):
+def as_client(files, name, mode=ua.MessageSecurityMode.SignAndEncrypt, uri=None):
     async def login(client):
-        client.application_uri = f"urn:{name}"
+        client.application_uri = uri or f"urn:{name}"
         path, key = files[name]
-        await client.set_security(Policy, path, key, server_certificate=files["server"][0])
+        server = files["server"][0]
+        await client.set_security(Policy, path, key, server_certificate=server, mode=mode)
 
     return login
 
 
 def test_a_trusted_client_reads_and_still_cannot_write(secured, files):
+    url, _ = secured
     login = as_client(files, "friend")
-    (value,) = ask(secured, told("calm"), login=login)
+    (value,) = ask(url, told("calm"), login=login)
     assert value.Value.Value is True
-    with pytest.raises(ua.UaError):
-        ask(secured, write(False), login=login)
+    for question in (write(False), add_node, delete_node):
+        with pytest.raises(ua.UaError):
+            ask(url, question, login=login)
 
 
-def test_an_unknown_client_and_one_without_a_certificate_are_refused(secured, files):
+def test_clients_without_trust_are_refused_and_counted(secured, files):
+    url, server = secured
+    was_good = server.health().is_good
     with pytest.raises(ua.UaError):
-        ask(secured, told("calm"), login=as_client(files, "stranger"))
+        ask(url, told("calm"), login=as_client(files, "stranger"))
+    assert "CN=stranger: it is not among trusted_clients" in server.health().sentence
+    with pytest.raises(ua.UaError):
+        ask(url, told("calm"), login=as_client(files, "friend", uri="urn:another"))
+    assert "of another application URI" in server.health().sentence
+    assert server.health().is_good == was_good  # whoever knocks does not make the cell unhealthy
     with pytest.raises((ua.UaError, OSError)):
-        ask(secured, told("calm"))
+        ask(url, told("calm"))  # no certificate at all
+    with pytest.raises((ua.UaError, OSError)):  # signed only, and readable by all
+        ask(url, told("calm"), login=as_client(files, "friend", ua.MessageSecurityMode.Sign))
+
+
+def test_an_expired_client_is_refused_although_it_is_trusted(files, tmp_path):
+    late = create(tmp_path / "late", ["late"], 1e-6, datetime.now(UTC) - timedelta(minutes=1))
+    trust(tmp_path, late.path)
+    own = settings(
+        certificate=read_server_certificate(*files["server"], NOW),
+        trusted=read_trusted(tmp_path / "trusted"),
+    )
+    server = OpcUaServer(own)
+    key = late.path.with_name("server.key.pem")
+    login = as_client({**files, "late": (late.path, key)}, "late", uri=late.uri)
+    with ServedCell().serve(server):
+        with pytest.raises(ua.UaError):
+            ask(own.url, told("calm"), login=login)
+        assert "CN=slosh late: its certificate is not valid now" in server.health().sentence
+        assert f"{own.trusted[0].path} expired on" in server.health().sentence
+        assert not server.health().is_good
+
+
+def test_certificates_of_the_command_serve_a_client_that_it_trusts(files, tmp_path):
+    made = create(tmp_path, ["localhost", "127.0.0.1"], 30.0, datetime.now(UTC))
+    trust(tmp_path, files["friend"][0])
+    trust(tmp_path, files["friend"][0])  # a second time is no other one
+    trusted = read_trusted(tmp_path / "trusted")
+    assert [one.uri for one in trusted] == ["urn:friend"]
+    key = tmp_path / "server.key.pem"
+    assert key.stat().st_mode & 0o077 == 0
+    own = settings(certificate=read_server_certificate(made.path, key, NOW), trusted=trusted)
+    with ServedCell().serve(OpcUaServer(own)):
+        known = {**files, "server": (made.path, key)}
+        (value,) = ask(own.url, told("calm"), login=as_client(known, "friend"))
+        assert value.Value.Value is True
+        with pytest.raises(ua.UaError):
+            ask(own.url, told("calm"), login=as_client(known, "stranger"))
+
+
+@pytest.mark.parametrize(
+    ("host", "fits"),
+    [("cell-1.local", True), ("CELL-1.local", True), ("10.0.0.5", True), ("::7", True),
+     ("0.0.0.0", True), ("localhost", True), ("10.0.0.6", False), ("cell-1", False)],
+)  # fmt: skip
+def test_a_certificate_for_another_host_is_named(named, host, fits):
+    if fits:
+        OpcUaSettings(CELL, host, 4840, named)
+        return
+    with pytest.raises(SloshPlcError, match=f"is for cell-1.local, 10.0.0.5, ::7, not .*{host}"):
+        OpcUaSettings(CELL, host, 4840, named)
+
+
+@pytest.fixture(scope="module")
+def named(tmp_path_factory):
+    """A server's certificate for three hosts."""
+    folder = tmp_path_factory.mktemp("named")
+    made = create(folder, ["Cell-1.local", "10.0.0.5", "::7"], 30.0, datetime.now(UTC))
+    return read_server_certificate(made.path, folder / "server.key.pem", NOW)
 
 
 def test_a_certificate_that_ends_is_told(files):
     own = read_server_certificate(*files["server"], NOW)
     assert "expires on" in own.complaint(NOW)
     assert "expired on" in own.complaint(NOW + timedelta(days=11))
-    assert own.complaint(NOW - timedelta(days=300)) == ""
+    assert "is valid from" in own.complaint(NOW - timedelta(days=300))
+    assert dataclasses.replace(own, until=NOW + timedelta(days=100)).complaint(NOW) == ""
 
 
 def test_certificates_that_do_not_fit_are_refused_by_name(files, tmp_path):

@@ -120,7 +120,7 @@ def image_topic(camera: NodeStart | None) -> str:
 
 
 def _limits(monitor: NodeStart) -> str:
-    settings = MonitorSettings.from_told(monitor.parameters)
+    settings = MonitorSettings.from_partial(monitor.parameters)
     told = [
         f"{source.name.lower()} {1e3 * limit:.4g} mm"
         + f" ({settings.limit_name(source)})" * settings.at_rim(source)

@@ -1,5 +1,6 @@
 """Reads and writes `manifest.yaml`: the expected replay results of the bags in a folder.
 
+    version: 1
     bags:
       c3:
         shows: DL22's 3D motion c, in the simulated cell
@@ -29,6 +30,7 @@ from typing import Any
 from slosh_bag.errors import SloshBagError
 from slosh_base.files import write_text
 from slosh_base.files.errors import SloshFileError
+from slosh_base.files.file_version import MANIFEST, read_versioned
 from slosh_base.files.nearest import did_you_mean
 from slosh_base.files.yaml_document import (
     Key,
@@ -36,7 +38,6 @@ from slosh_base.files.yaml_document import (
     YamlDocument,
     dotted,
     format_yaml,
-    read_yaml,
     shown,
 )
 
@@ -111,7 +112,7 @@ def read_manifest(path: Path) -> dict[str, Expectation]:
             names the file, the line, the bag and the key.
     """
     try:
-        source = read_yaml(path)
+        source = read_versioned(path, MANIFEST)
     except SloshFileError as error:
         raise SloshBagError(str(error)) from None
     document = source.value
@@ -144,7 +145,9 @@ def write_manifest(path: Path, bags: Mapping[str, Expectation]) -> None:
     """
     old = read_manifest(path) if path.is_file() else {}
     merged = {**old, **{name: _kept(old.get(name), new) for name, new in bags.items()}}
-    document = {"bags": {name: _document(path, merged[name]) for name in sorted(merged)}}
+    document = MANIFEST.versioned(
+        {"bags": {name: _document(path, merged[name]) for name in sorted(merged)}}
+    )
     text = format_yaml(
         document, sort_keys=False, allow_unicode=True, width=99, default_flow_style=None
     )

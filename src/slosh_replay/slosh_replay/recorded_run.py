@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 
+from slosh_bag.mcap_files.remote_path import bag_path
 from slosh_bag.reader import BagReader, TopicInfo
 from slosh_replay.recording.settings import NodeStart
 from slosh_replay.recording.sources import CellTopics, recorded_starts
@@ -30,8 +31,8 @@ class RecordedRun:
     """
 
     def __init__(self, path: str | Path) -> None:
-        self.path = Path(path)
-        self.reader = BagReader(path)
+        self.path = bag_path(path)
+        self.reader = BagReader(self.path)
 
     @cached_property
     def topics(self) -> Mapping[str, TopicInfo]:

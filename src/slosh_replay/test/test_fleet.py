@@ -1,32 +1,35 @@
-"""The fleet store: one row for each motion, once, whole or not at all."""
+"""Tests the motion store: one row per motion, never twice, never incomplete."""
 
 import dataclasses
 import math
+import os
 import shutil
+import signal
+import subprocess
 import sys
-from datetime import UTC, datetime
+import tempfile
 from pathlib import Path
 
 import pytest
-from rclpy.serialization import serialize_message
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.errors import SloshBagError
 from slosh_bag.held_folder import HeldFolder
 from slosh_model.mode_table import mode_table
 from slosh_model.model_text import parse_model
-from slosh_msgs.msg import Calm, FusedEstimate, ModelEstimate, NodeSettings, SloshEstimate
-from slosh_msgs_py.stamps import to_time
+from slosh_msgs.msg import Calm, FusedEstimate
+from slosh_replay.fleet.ingest import ingest
 from slosh_replay.fleet.motion_row import COLUMNS, MotionRow
 from slosh_replay.fleet.motions import motions_of
 from slosh_replay.fleet.query import MotionTable, query
-from slosh_replay.fleet.store import FleetStore
+from slosh_replay.fleet.store import NOTES, FleetStore
 from slosh_replay.recorded_run import RecordedRun
+from slosh_testing.observed_bag import BEGIN_NS, MODEL, observed
 
 BAGS = Path(__file__).parents[3] / "bags"
-MODEL = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}"
 DAY_NS = 86_400 * 10**9
-BEGIN_NS = int(datetime(2026, 1, 30, 12, tzinfo=UTC).timestamp()) * 10**9
 needs_duckdb = pytest.mark.usefixtures("duckdb")
 
 
@@ -36,7 +39,7 @@ def duckdb():
 
 
 def row(number=0, **given):
-    """A motion of the day so many days after 30 January."""
+    """Returns a stored motion of the day that is a number of days after 30 January."""
     numbers = {column.name: 0.01 for column in COLUMNS if column.type == "float"}
     whole = {column.name: 0 for column in COLUMNS if column.type == "int"}
     texts = {"cell": "line_1", "digest": f"{number:064x}", "bag": "/bags/a", "container": "cup"}
@@ -65,24 +68,6 @@ def test_a_recorded_motion_is_one_row():
     )
     assert found.sigma_nonlinear < 3e-4 < found.sigma_linear
     assert math.isnan(found.natural_frequency)  # this bag is older than the observer
-
-
-def observed(folder, others):
-    """A bag of one push of 1 s and a rest, and further messages: name, message, time [s]."""
-    messages = []
-    still = ModelEstimate(modal_position=[0.0, 0.0], modal_velocity=[0.0, 0.0])
-    for number in range(600):
-        push = 3.0 * math.sin(math.pi * number / 100.0) if 100 <= number < 200 else 0.0
-        estimate = SloshEstimate(acceleration=[push, 0.0, 0.0], linear=still, nonlinear=still)
-        messages.append(("estimate", estimate, 0.01 * number))
-    document = f"parameters: {{}}\nfiles: {{model: {MODEL!r}}}\n"
-    messages.append(("settings", NodeSettings(node="estimator", document=document), 0.0))
-    with BagWriter(folder) as writer:
-        for name, message, seconds in [*messages, *others]:
-            stamp_ns = BEGIN_NS + round(1e9 * seconds)
-            message.header.stamp = to_time(stamp_ns)
-            writer.add_topic(f"/slosh/{name}", f"slosh_msgs/msg/{type(message).__name__}")
-            writer.write(f"/slosh/{name}", serialize_message(message), stamp_ns)
 
 
 def fused(**given):
@@ -152,9 +137,9 @@ def test_what_is_stored_comes_out_again(tmp_path):
     names = [column.name for column in COLUMNS]
     found = query(store, f"SELECT {', '.join(names)}, begin FROM motions ORDER BY begin_ns")
     told = [dict(zip(found.names, values, strict=True)) for values in found.rows]
-    for given, back in zip(rows, told, strict=True):
-        assert back.pop("begin") == given.begin
-        want = dataclasses.asdict(given)
+    for stored, back in zip(rows, told, strict=True):
+        assert back.pop("begin") == stored.begin
+        want = dataclasses.asdict(stored)
         assert back == {name: None if value != value else value for name, value in want.items()}
 
 
@@ -244,7 +229,7 @@ def test_an_empty_store_says_what_to_do(tmp_path):
 def test_queries_take_values(tmp_path):
     store = FleetStore(str(tmp_path))
     store.add([row(0), row(1, container="it's")])
-    with MotionTable(store, loaded=True) as table:
+    with MotionTable(store, loaded=["container"]) as table:
         found = table.query("SELECT count(*) FROM motions WHERE container = ?", ["it's"])
     assert found.rows == [(1,)]
 
@@ -253,3 +238,78 @@ def test_without_duckdb_the_line_says_how_to_get_it(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "duckdb", None)
     with pytest.raises(SloshBagError, match=r"pip install -r requirements/fleet\.txt"):
         query(FleetStore(str(tmp_path)), "SELECT 1")
+
+
+KILLED_AT = """
+import os, signal, sys
+from pathlib import Path
+from slosh_replay.fleet.ingest import ingest
+from slosh_replay.fleet.store import NOTES, FleetStore
+
+left, replace = int(sys.argv[3]), os.replace
+
+def dying(*paths):
+    global left
+    if not left:
+        os.kill(os.getpid(), signal.SIGKILL)
+    left -= 1
+    replace(*paths)
+
+os.replace = dying
+ingest(Path(sys.argv[1]), FleetStore(sys.argv[2]))
+"""
+
+
+@needs_duckdb
+@pytest.mark.parametrize("written", [0, 1])
+def test_an_ingest_that_is_killed_leaves_nothing_half_and_can_be_repeated(tmp_path, written):
+    store = FleetStore(str(tmp_path / "store"))
+    command = [sys.executable, "-c", KILLED_AT, str(BAGS / "l"), store.url, str(written)]
+    assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
+    if written:
+        assert query(store, "SELECT count(*) FROM motions").rows == [(1,)]
+    else:
+        with pytest.raises(SloshBagError, match="no motions are stored here"):
+            store.dataset()
+    assert ingest(BAGS / "l", store) == (1, 1 - written, False)
+    assert ingest(BAGS / "l", store) == (1, 0, True)
+    assert query(store, "SELECT count(*) FROM motions").rows == [(1,)]
+
+
+def test_a_bag_is_read_again_only_when_it_has_changed(tmp_path, monkeypatch):
+    bag = shutil.copytree(BAGS / "l", tmp_path / "bag")
+    store = FleetStore(str(tmp_path / "store"))
+    assert ingest(bag, store) == (1, 1, False)
+    with monkeypatch.context() as patch:
+        patch.setattr("slosh_replay.fleet.ingest.motions_of", lambda _: pytest.fail("is read"))
+        assert ingest(bag, store) == (1, 0, True)
+    (file,) = bag.glob("*.mcap")
+    os.utime(file, ns=(0, file.stat().st_mtime_ns + 1))
+    assert ingest(bag, store) == (1, 0, False)
+    # A machine that lost its power may have left an empty note.
+    for note in (tmp_path / "store" / NOTES).iterdir():
+        note.write_bytes(b"")
+    assert ingest(bag, store) == (1, 0, False)
+
+
+@needs_duckdb
+@given(
+    st.lists(
+        st.tuples(st.sampled_from("ab"), st.lists(st.integers(0, 60), min_size=1, unique=True)),
+        min_size=1, max_size=6,
+    )
+)  # fmt: skip
+@settings(max_examples=15, deadline=None)
+def test_each_motion_counts_once_however_bags_overlap(bags):
+    with tempfile.TemporaryDirectory() as place:
+        store = FleetStore(place)
+        for name, (cell, days) in enumerate(bags):
+            digests = [f"{cell}{day:063x}" for day in days]
+            store.add(
+                [row(day, cell=cell, digest=digest, bag=f"/bags/{name}")
+                 for day, digest in zip(days, digests, strict=True)]
+            )  # fmt: skip
+        wanted = {(cell, day) for cell, days in bags for day in days}
+        found = query(store, "SELECT cell, begin_ns FROM motions").rows
+        days = [(cell, (begin - BEGIN_NS) // DAY_NS) for cell, begin in found]
+    assert sorted(days) == sorted(wanted)

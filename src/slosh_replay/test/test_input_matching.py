@@ -1,10 +1,14 @@
 """Tests that the inputs used live are found by the counter, in any cut recording."""
 
+from types import SimpleNamespace
+
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slosh_replay.replay.input_matching import PATIENCE_NS, InputMatcher
+from slosh_replay.recording.states import RecordedState
+from slosh_replay.replay.input_matching import PATIENCE_NS, Decision, InputMatcher
 from slosh_replay.replay.known_state import KnownState
 
 MS = 1_000_000
@@ -141,3 +145,44 @@ def test_mixed_estimates_of_two_nodes_restart_at_an_input_that_is_there():
     assert decision.reached == 4
     assert all(place < decision.reached for place in decision.restarts)
     KnownState(None).follow(np.array([5, 10, 15, 20]), decision)
+
+
+class Told:
+    """Verifier that records which stamps are excluded from the comparison."""
+
+    def __init__(self):
+        self.found, self.lost = [], []
+
+    def find(self, until_ns):
+        self.found.append(until_ns)
+
+    def lose(self, after_ns, why):
+        self.lost.append(after_ns)
+
+
+def state(stamp, used):
+    return RecordedState(stamp, used, SimpleNamespace(sample=SimpleNamespace(stamp_ns=stamp)), ())
+
+
+@pytest.mark.parametrize("cut", [1, 2, 3])
+def test_comparisons_are_checked_from_the_first_replayed_estimate_on(cut):
+    """An image between state and next estimate needs an estimate that is not replayed."""
+    estimate, comparison = Told(), Told()
+    known = KnownState(estimate, comparison=comparison)
+    stamps, counts = np.arange(10, 50, 10), np.arange(101, 105)
+    known.add([state(20, 102)])
+    for part in (slice(cut), slice(cut, None)):
+        used = np.ones(len(stamps[part]), dtype=bool)
+        known.follow(stamps[part], Decision(len(used), used, [], counts[part]))
+    assert (estimate.found, comparison.found) == ([20], [30])
+    assert len(comparison.lost) == len(estimate.lost) == 1
+
+
+def test_a_loss_behind_a_state_resumes_and_suspends_comparisons():
+    comparison = Told()
+    known = KnownState(None, comparison=comparison)
+    known.add([state(10, 101)])
+    known.follow(np.array([10]), Decision(1, np.array([True]), [], np.array([101])))
+    known.follow(np.array([50]), Decision(1, np.array([True]), [], np.array([105])))
+    assert comparison.lost[1:] == [10]
+    assert comparison.found == [50]

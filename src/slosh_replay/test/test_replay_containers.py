@@ -55,7 +55,7 @@ def test_the_estimates_say_when_the_gripper_was_empty_and_what_is_unknown(tmp_pa
 def test_a_tray_is_replayed_to_the_bit(kind, tmp_path):
     """Tests that a tray is replayed exactly, and what a late start cannot compare."""
     names, places = ("a", "b", "c"), ((0.0, 0.0, 0.0), (0.1, 0.2, 0.0), (-0.1, 0.0, 0.05))
-    models = (MODEL.feeling_gravity(), MUG.feeling_gravity(), MODEL.feeling_gravity())
+    models = (MODEL.with_gravity_tilt(), MUG.with_gravity_tilt(), MODEL.with_gravity_tilt())
     tray = Tray(tuple(map(TrayContainer, names, models, places, (0.5, 0.5, 0.003))))
     live = LiveBag(kind)
     live.tray, live.model, live.states = tray, tray.first.model, True
@@ -79,7 +79,7 @@ def test_a_tray_is_replayed_to_the_bit(kind, tmp_path):
 
 
 def changing_tray():
-    """Three containers on an IMU's tray: each is changed while the tray moves."""
+    """A recorded IMU tray with three containers, each of which is changed in motion."""
     names, places = ("a", "b", "c"), ((0.0, 0.0, 0.0), (0.1, 0.2, 0.0), (-0.1, 0.0, 0.05))
     tray = Tray(tuple(map(TrayContainer, names, (MODEL, MUG, MODEL), places, (0.5, 0.5, 0.01))))
     live, held = LiveBag("imu"), [HeldContainer(one.model) for one in tray.containers]

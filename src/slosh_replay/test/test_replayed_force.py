@@ -1,4 +1,4 @@
-"""Tests that a replay makes the heights of a force sensor again, and what it leaves alone."""
+"""Tests that a replay reproduces the heights of a force sensor, and what it leaves out."""
 
 import json
 import math
@@ -30,7 +30,7 @@ NAN = math.nan
 
 
 class ForceBag(LiveBag):
-    """A recording of a sensor node on a force; `wrong` is added to its first height."""
+    """Recording of a sensor node with a force; `wrong` is added to its first height."""
 
     def __init__(self, *, cut: float = 0.0, wrong: float = 0.0, levels: bool = False) -> None:
         super().__init__()
@@ -83,7 +83,7 @@ class ForceBag(LiveBag):
         )  # fmt: skip
 
     def _surface(self, stamp, height, estimate, lag):
-        """There is no camera."""
+        """Adds nothing, since this cell has no camera."""
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 from slosh_bag import definitions
 from slosh_estimator.observer.calm import CalmWatch, calm_fields
 from slosh_estimator.observer.observer import Observer
-from slosh_estimator.observer.states import told_fields
+from slosh_estimator.observer.states import fused_fields
 from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
 from slosh_estimator.sample import Sample
 from slosh_replay import replay_bag
@@ -50,7 +50,7 @@ class ObservedBag(LiveBag):
             self._state_ns = state.stamp_ns
             self._put_state(observer.state())
         modal = np.array(state.modal).reshape(-1, 4)
-        fields = told_fields(state, observer.counts, observer.sensed)
+        fields = fused_fields(state, observer.counts, observer.sensed)
         fields["msh"] += self._wrong
         calm = self._watch.update(state)
         if state.stamp_ns // 50_000_000 != self._calm_slot:
@@ -130,7 +130,7 @@ LATER = {"sensed_taken", "sensed", "sensed_stamp"}
 
 
 class OldBag(ObservedBag):
-    """A recording of a version that knew no sensors beside the camera."""
+    """Recording of an older version, without sensors other than the camera."""
 
     def _put(self, *where, **fields):
         super()._put(*where, **{name: one for name, one in fields.items() if name not in LATER})

@@ -229,7 +229,7 @@ def test_tables_and_headings_tell_what_they_are(full_report):
     links = {value for tag, name, value in page.attributes if (tag, name) == ("a", "href")}
     ids = {f"#{value}" for _, name, value in page.attributes if name == "id"}
     assert links <= ids
-    assert len(links) == 9
+    assert len(links) == 10
 
 
 def test_the_page_forbids_itself_other_scripts_and_requests(full_report):

@@ -79,7 +79,7 @@ def test_a_page_of_hours_stays_below_a_megabyte(full_report):
         events=tuple(replace(event, start=5.0 * i, end=5.0 * i + 1.0) for i in range(2000)),
         measured_azimuth=AzimuthSeries("measured", t, 0.9 * t % 6.0, measured),
         estimated_azimuth=AzimuthSeries("3D-NL", t, 0.9 * t % 6.0, measured),
-        frames=(),
+        frames=(), further=(),
     )  # fmt: skip
     page = render_report(report)
     assert len(page.encode()) < 1_000_000

@@ -29,7 +29,7 @@ def has_forged_line(text: str) -> bool:
 
 
 def evil(where: str) -> str:
-    """Returns a text that tries to become markup, a formula, a request, or too wide."""
+    """Returns a malicious text: markup, formulas, requests, control characters and a long word."""
 
     return (
         f'{where}</pre></title></style><script>window.hacked="{where}"</script>'

@@ -145,7 +145,7 @@ class LiveBag:
         self._entries: list[tuple[int, str, str, bytes]] = []
 
     def write(self, folder: Path, seconds: float = 3.0, beside: Iterable[LiveBag] = ()) -> Path:
-        """Writes the bag and returns its folder; `beside` adds other cells."""
+        """Writes the bag and returns its folder; `beside` adds messages of other cells."""
         entries = self.entries(seconds)
         for other in beside:
             entries += other.entries(seconds)

@@ -15,7 +15,7 @@ AGREE = 5e-4
 
 
 def cylinder_rate(cup):
-    """Returns rate and height function of a cylinder (DL22, eqs. (11), (14), (24))."""
+    """Returns functions for the state's derivative and the height in a cylinder (DL22)."""
     r, h, alpha, xi = cup.radius, cup.fill_height, 0.58, 1.8411837813406593
     depth = np.tanh(xi * h / r)
     omega = np.sqrt(GRAVITY * xi / r * depth)
@@ -41,7 +41,7 @@ def cylinder_rate(cup):
 
 
 def rectangle_rate(tank):
-    """Returns rate and height function of a rectangle (TM20, eq. (6)), along each side."""
+    """Returns functions for the state's derivative and the height in a rectangle (TM20)."""
     sides, h = np.array([tank.width, tank.depth]), tank.fill_height
     squared = np.pi * GRAVITY / sides * np.tanh(np.pi * h / sides)
     along, across = sides.max(), sides.min()
@@ -62,7 +62,7 @@ def rectangle_rate(tank):
     return rate, lambda q: 0.5 * (sides[0] * np.abs(q[0]) + sides[1] * np.abs(q[1]))
 
 
-def felt_by(motion, attitude):
+def apparent_acceleration(motion, attitude):
     """Returns the acceleration Rᵀ(a + g ẑ) - g ẑ in the container's axes (N, 3) [m/s²]."""
     weight = np.array([0.0, 0.0, GRAVITY])
     if motion.tilt is None and attitude is None:
@@ -78,7 +78,7 @@ def planned_heights(container, motion, attitude=None):
     rate, height = made(container)
     count = len(motion.t) + round(WATCHED * 1000)
     felt = np.zeros((count, 3))
-    felt[: len(motion.t)] = felt_by(motion, attitude)
+    felt[: len(motion.t)] = apparent_acceleration(motion, attitude)
 
     def derivative(now, state):
         row = min(int(now * 1000), count - 2)

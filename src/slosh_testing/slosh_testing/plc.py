@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from slosh_plc.broker_client import lost_state
 from slosh_plc.cell_state import SIGNALS, CellState, Quality, Reading
-from slosh_plc.mqtt import lost_state
 from slosh_plc.server import Server, ServerThread
 
 PLACES = ("mosquitto", "/usr/sbin/mosquitto")
@@ -94,5 +94,5 @@ class ServedCell:
             thread.stop()
 
     def lose(self) -> None:
-        """Makes the cell a lost one."""
+        """Changes the served state to that of a lost connection to the cell."""
         self.state = lost_state()

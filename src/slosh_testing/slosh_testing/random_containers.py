@@ -31,7 +31,7 @@ def _rounded(points: Array) -> list[list[float]]:
 
 
 def _revolved(points: Array, share: float, **more: Any) -> dict[str, Any]:
-    """Returns a body of revolution from a profile (r, z), filled to a share of its height."""
+    """Returns a body of revolution from a profile (r, z), filled to a fraction of its height."""
     low, high = float(points[:, 1].min()), float(points[-1, 1])
     return {
         "shape": "revolution", "profile": _rounded(points),

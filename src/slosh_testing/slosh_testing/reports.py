@@ -104,6 +104,15 @@ def full_report():
         ),
         measured_azimuth=AzimuthSeries("measured", T, estimated.azimuth + 0.05, measured),
         estimated_azimuth=estimated,
+        further=(container("near", 0.9 * measured), container("far", np.full_like(T, NAN))),
+    )  # fmt: skip
+
+
+def container(name, measured):
+    """Returns the heights of a further container of a tray."""
+    return RunReport(
+        title=name, t=T, measured=measured, linear=1.1 * measured, nonlinear=1.02 * measured,
+        limit=0.0181,
     )  # fmt: skip
 
 
@@ -114,6 +123,7 @@ def hostile_report():
     return replace(
         base,
         title=evil("title"),
+        further=(replace(base.further[0], title=evil("container")),),
         subtitle=evil("subtitle"),
         linear_name=evil("linear"),
         nonlinear_name=evil("nonlinear"),

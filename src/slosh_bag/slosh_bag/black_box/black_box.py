@@ -188,7 +188,7 @@ class BlackBox:
                 self._go_on(self._open)
 
     def look(self, now_ns: int) -> None:
-        """Updates the time [ns], in the messages' clock, and ends a bag whose time is over."""
+        """Sets the time [ns], by the messages' clock; ends the open bag if its time is over."""
         if self._log_ns is None or self._log_ns - now_ns > SET_BACK_NS:
             self._log_ns = now_ns
         self._now_ns += max(now_ns - self._log_ns, 0)

@@ -31,13 +31,13 @@ class _Answer(NamedTuple):
 
 
 class ComparisonWatch:
-    """Detects when model and camera start to disagree, or comparisons become impossible."""
+    """Detects when model and camera start to disagree, or can no longer be compared."""
 
     def __init__(self) -> None:
         self._disagrees = self._blind = False
 
     def take(self, comparison: SloshComparison, stamp_ns: int) -> list[Happening]:
-        """Processes a comparison and returns the events that begin with it.
+        """Processes a SloshComparison message; returns the events that begin with it.
 
         Args:
             comparison: the message.
@@ -116,7 +116,7 @@ class CalmWatch:
         return [self._tell(height, before) for height in due if (before := self._wrong(height))]
 
     def _wrong(self, height: _Height) -> _Answer | None:
-        """Returns the calm report that a height contradicts, or None if there is no new one."""
+        """Returns the calm report that a height newly contradicts, or None if there is none."""
         at_ns = height.stamp_ns
         before = next((one for one in reversed(self._answers) if one.stamp_ns <= at_ns), None)
         follower = next(one for one in self._answers if one.stamp_ns > at_ns)

@@ -29,7 +29,7 @@ SHARE: Final = 4
 
 
 class KeptBag(NamedTuple):
-    """A finished bag of events that is kept.
+    """A finished event bag that has not been deleted.
 
     Attributes:
         folder: where it is.
@@ -138,7 +138,7 @@ class EventRecorder:
 
     @property
     def shortage(self) -> str:
-        """Tells in one line that the quota is too small for an event; empty if it is not."""
+        """Warning, in one line, that the quota is too small for one event; empty if it is not."""
         if not (self._is_bounded and self.box.continued):
             return ""
         return (
@@ -225,7 +225,7 @@ class EventRecorder:
         return bag
 
     def _collect(self) -> None:
-        """Adds newly finished bags to the list of kept bags."""
+        """Adds newly finished event bags to the list of existing ones."""
         done = [bag for bag in self._open if bag.closing and not bag.closing.is_alive()]
         if not done:
             return
@@ -246,7 +246,7 @@ class EventRecorder:
         self._tidy()
 
     def _tidy(self) -> None:
-        """Deletes the oldest event bags if there are too many or they are too large."""
+        """Deletes the oldest event bags if their number or total size is too large."""
         open_size = sum(_size(bag.folder) for bag in self._open)
         for bag in superfluous(self._kept, self._per_cause, max(self._quota - open_size, 0)):
             shutil.rmtree(bag.folder, ignore_errors=True)

@@ -101,7 +101,7 @@ class Layout:
         return tuple(names)
 
     def find(self, name: str) -> tuple[str, int | None] | None:
-        """Returns a column's value or array and element index; None if the column is unknown."""
+        """Returns the record field of a column, and its element's index; None if unknown."""
         if name in self.leaves:
             return name, None
         match = _ELEMENT.fullmatch(name)

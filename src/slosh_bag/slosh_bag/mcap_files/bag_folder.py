@@ -8,6 +8,7 @@ from typing import Any
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.mcap_summary import MAGIC
+from slosh_bag.mcap_files.remote_path import RemotePath
 from slosh_base.files.errors import SloshFileError
 from slosh_base.files.file_kind import IMPORT_HINT, foreign_kind
 from slosh_base.files.yaml_document import read_yaml
@@ -150,7 +151,7 @@ def _information(noted: Path) -> Any:
 def _as_noted(folder: Path, files: list[Path], warnings: list[str]) -> list[Path]:
     """Returns the files in the order of metadata.yaml, if it lists exactly these files."""
     noted = folder / METADATA
-    if not noted.is_file():
+    if isinstance(folder, RemotePath) or not noted.is_file():
         return files
     try:
         entries = _information(noted)["relative_file_paths"]

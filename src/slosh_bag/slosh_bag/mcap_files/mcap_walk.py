@@ -263,7 +263,7 @@ class McapWalk:
         self._stream.jump(position)
 
     def _goes_on(self) -> bool:
-        """Moves to the next chunk if one follows a doubtful end of the data."""
+        """Moves to the next chunk, if there is one, after a record that wrongly ends the data."""
         after = self._next_chunk(self._stream.position)
         if after is not None:
             self._stream.jump(after)

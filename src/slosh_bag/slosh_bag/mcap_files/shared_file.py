@@ -10,6 +10,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
+from slosh_bag.mcap_files.remote_path import RemotePath
+
 _BUFFER = 1 << 16
 _KEPT_OPEN = 8
 """Files of a bag that stay open between two readings; a split bag may have thousands."""
@@ -41,9 +43,10 @@ class SharedFile(type(Path())):  # type: ignore[misc]
 def shared_files(paths: Iterable[Path]) -> Sequence[Path]:
     """Returns paths that share open files; they are closed with the last stream."""
     recent: deque[_Descriptor] = deque(maxlen=_KEPT_OPEN)
-    files = [SharedFile(path) for path in paths]
+    files = [path if isinstance(path, RemotePath) else SharedFile(path) for path in paths]
     for file in files:
-        file._recent = recent
+        if isinstance(file, SharedFile):
+            file._recent = recent
     return files
 
 

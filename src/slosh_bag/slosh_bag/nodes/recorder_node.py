@@ -33,6 +33,8 @@ from slosh_bag.nodes.store_thread import STORE_PARAMETERS, StoreThread
 from slosh_bag.nodes.topic_input import Received, TopicInput, noted
 from slosh_bag.recorded_topics import TopicChoice, TopicSelection
 from slosh_bag.recorder import PUBLISHERS, SEVERAL, Recorder, RecorderStatus
+from slosh_bag.store.motion_ingest import PARAMETER as MOTIONS
+from slosh_bag.store.motion_ingest import MotionIngest
 from slosh_base.files.errors import YamlError
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.files.yaml_document import parse_yaml
@@ -86,6 +88,12 @@ PARAMETERS = (
         "complete: one bag of everything; events: a bag in output for the time around each",
         choices=(COMPLETE, EVENTS),
     ),
+    ParameterSpec(
+        MOTIONS,
+        "",
+        "folder or URL, such as s3://bucket/motions, to which `slosh ingest` adds the motions of "
+        "the finished recording; empty: they are not stored",
+    ),
     *EVENT_PARAMETERS,
     *STORE_PARAMETERS,
 )
@@ -122,6 +130,7 @@ class RecorderNode(GuardedNode):
         self._events: EventMessages | None = None
         self._core = self._made_core(values)
         self._store = StoreThread(Path(values["output"]), values, self.get_logger().info)
+        self._motions = MotionIngest(values[MOTIONS], Path(values["output"]))
         self.create_service(Trigger, topics.KEEP, self._keep)
         self._reported = self._reported_lost = 0
         self._report = DiagnosticsReporter(self, self._health, self._facts)
@@ -159,6 +168,9 @@ class RecorderNode(GuardedNode):
         self.get_logger().info(f"{total} messages in {status.path.parent}, {status.lost} lost")
         if status.lost:
             self.failure = f"{status.lost} messages are lost (noted in the bag): {_why(status)}"
+        # Only now: reading a bag competes with nothing that is recorded.
+        self._motions.run(self._report.report)
+        self.failure = "; ".join(filter(None, (self.failure, self._motions.complaint)))
 
     def _discover(self) -> None:
         now = time.monotonic()
@@ -251,7 +263,7 @@ class RecorderNode(GuardedNode):
             return response
         self._take()
         now_ns = self.get_clock().now().nanoseconds
-        self._happen(self._core, Happening(Cause.REQUEST, now_ns, f"asked for by {topics.KEEP}"))
+        self._happen(self._core, Happening(Cause.REQUEST, now_ns, f"requested by {topics.KEEP}"))
         response.success = self._core.box.is_writing
         response.message = str(self._core.path) if response.success else self._core.box.failure
         return response
@@ -288,13 +300,13 @@ class RecorderNode(GuardedNode):
         level, sentence = findings(
             status, absent, newly_lost, left_out, silent, shared, self._other_types, shortage
         )
-        if self._store.complaint:
+        for complaint in filter(None, (self._store.complaint, self._motions.complaint)):
             level = level if level == ERROR else WARN
-            sentence = f"{sentence}; {self._store.complaint}"
+            sentence = f"{sentence}; {complaint}"
         return level, sentence
 
     def _look_for_shared(self) -> list[str]:
-        """Returns topics that have several publishers but should have only one."""
+        """Returns topics that may have only one publisher but carry messages of several."""
         shared = [
             topic
             for topic, entry in self._inputs.items()
@@ -335,6 +347,7 @@ class RecorderNode(GuardedNode):
             }
             | event_facts(self._core)
             | self._store.facts()
+            | self._motions.facts()
         )
 
     def _absent(self) -> dict[str, float]:
@@ -369,7 +382,7 @@ def _why(status: RecorderStatus) -> str:
 
 
 def stated_topics(settings: NodeSettings) -> set[str]:
-    """Returns the topics that a node's settings name; the graph may not tell who reads a topic."""
+    """Returns the topics that a node's recorded settings list, as the graph may omit some."""
     try:
         document = parse_yaml(settings.document, settings.node).value
     except YamlError:

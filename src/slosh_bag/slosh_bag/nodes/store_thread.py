@@ -29,14 +29,16 @@ STORE_PARAMETERS = (
         bounds=(0.0, 1e5),
     ),
     ParameterSpec(
-        EVENT_DAYS, 0.0, "the same for event bags [day]; 0.0: no limit", bounds=(0.0, 1e5)
+        EVENT_DAYS, 0.0,
+        "age from which event bags of other runs are deleted [day]; 0.0: no limit",
+        bounds=(0.0, 1e5),
     ),
 )  # fmt: skip
 """How much of a cell's recordings is kept; see `slosh store`."""
 
 
 class StoreState(NamedTuple):
-    """What the last look at the folder of the runs has found.
+    """Result of the last check of the folder of all runs: stored and deleted bags, failures.
 
     Attributes:
         bags: number of bags that are kept.
@@ -54,7 +56,7 @@ class StoreState(NamedTuple):
 
 
 class StoreThread:
-    """Applies the retention of a cell's runs in a thread, so that a busy disk delays no message.
+    """Thread that deletes old bags of a cell's runs, so that a busy disk delays no messages.
 
     Args:
         bag: that the recorder writes.
@@ -91,7 +93,7 @@ class StoreThread:
 
     @property
     def complaint(self) -> str:
-        """A sentence on what could not be deleted; empty: nothing is in excess."""
+        """A sentence on bags that could not be deleted although they should be; empty if none."""
         state = self._state
         if state.failure:
             return f"old bags are not deleted: {state.failure}"
@@ -103,7 +105,7 @@ class StoreThread:
         return ""
 
     def facts(self) -> dict[str, Any]:
-        """Returns diagnostics values; empty without a limit."""
+        """Returns diagnostics values of the stored bags; empty if no limit for deletion is set."""
         if self._thread is None:
             return {}
         return {
@@ -113,7 +115,7 @@ class StoreThread:
         }
 
     def look(self, now: float) -> None:
-        """Deletes what is too old or too much at a time [s since 1970]."""
+        """Deletes bags that are too old, or beyond the quota, at the time `now` [s since 1970]."""
         if self._runs is None:
             return
         deleted, failure, gone = self._state.deleted, "", set()

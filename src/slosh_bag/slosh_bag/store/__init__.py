@@ -1,1 +1,1 @@
-"""Which bags of a cell's runs are kept, and which are deleted."""
+"""Rules by which old bags of a cell's runs are kept or deleted."""

@@ -1,4 +1,4 @@
-"""Selects the bags of a cell that are deleted: old ones, and those beyond a quota.
+"""Selects the bags of a cell to delete: those that are too old or that exceed a quota.
 
 Time is an argument: seconds since 1970, as the times of files.
 """
@@ -19,7 +19,7 @@ DAY: Final = 86400.0
 
 
 class BagKind(Enum):
-    """What a stored bag is."""
+    """Kind of a stored bag: complete, of events only, or still being recorded."""
 
     COMPLETE = "complete"
     EVENT = "event"
@@ -27,7 +27,7 @@ class BagKind(Enum):
 
 
 class StoredBag(NamedTuple):
-    """A bag in the folder of a cell's runs.
+    """A bag in the folder of a cell's runs, with its age and size.
 
     Attributes:
         folder: of the bag.
@@ -44,7 +44,7 @@ class StoredBag(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Retention:
-    """How much of a cell's recordings is kept.
+    """Limits of total size and age beyond which a cell's bags are deleted.
 
     Attributes:
         quota: total size of the bags [bytes]; 0: no limit.
@@ -71,12 +71,12 @@ class Retention:
 
     @property
     def is_limited(self) -> bool:
-        """Whether anything is ever deleted."""
+        """Whether any limit is set, so that bags can be deleted."""
         return bool(self.quota or self.days or self.event_days)
 
 
 class Surplus(NamedTuple):
-    """Result of a retention.
+    """The bags to delete, and the size that still exceeds the quota without them.
 
     Attributes:
         bags: those to delete, in this order.
@@ -88,7 +88,7 @@ class Surplus(NamedTuple):
 
 
 def surplus(bags: Sequence[StoredBag], retention: Retention, now: float) -> Surplus:
-    """Selects the bags to delete.
+    """Selects the bags to delete because of their age or their total size.
 
     First those that are too old, then, as long as the rest exceeds the quota, the oldest complete
     bags, and only then the oldest event bags. A running one is never selected.

@@ -25,13 +25,13 @@ MOMENT = 60.0
 
 
 def runs_folder(bag: Path) -> Path | None:
-    """Returns the folder of all runs of the cell that records a bag; None: it is in no run."""
+    """Returns the folder of all runs of a cell, from one of its bags; None outside a run."""
     run = bag.absolute().parent
     return run.parent if RUN.fullmatch(run.name) else None
 
 
 def stored_bags(runs: Path, now: float) -> list[StoredBag]:
-    """Returns the bags of all runs of a cell, the oldest first.
+    """Returns the bags of all runs of a cell, oldest first.
 
     Args:
         runs: the folder of the runs.
@@ -75,7 +75,7 @@ def _folders(runs: Path) -> Iterator[Path]:
 
 
 def _bags(folder: Path, now: float) -> Iterator[StoredBag]:
-    """Yields the bag in a folder, or the event bags in it."""
+    """Yields the bag that a folder is, or the event bags that the folder contains."""
     is_running = is_held(folder)
     own = _stored(folder, BagKind.COMPLETE, now, is_running)
     if own is not None:

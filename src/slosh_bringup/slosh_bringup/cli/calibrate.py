@@ -26,7 +26,7 @@ from slosh_camera.calibrate.board import (
     pose_by_board,
 )
 from slosh_camera.calibrate.camera_file import format_calibration, parse_calibration
-from slosh_camera.calibrate.doubt import ToldDeviations
+from slosh_camera.calibrate.doubt import GivenDeviations
 from slosh_camera.calibrate.intrinsics import KnownCamera, camera_of_view, read_known_camera
 from slosh_camera.calibrate.picture import draw_calibration
 from slosh_camera.calibrate.still import calibrate_by_edges, check_pose, check_size
@@ -157,8 +157,8 @@ def _fitted(
     return fit, board
 
 
-def _doubt(arguments: argparse.Namespace) -> ToldDeviations:
-    """Returns the standard deviations of the inputs from the options; converts percentages."""
+def _doubt(arguments: argparse.Namespace) -> GivenDeviations:
+    """Returns the standard deviations that the options give; converts percent to fractions."""
     values = []
     for name, unit in (("focal_error", 0.01), ("wall_error", 1.0), ("fill_error", 1.0)):
         option = f"--{name.replace('_', '-')}"
@@ -166,7 +166,7 @@ def _doubt(arguments: argparse.Namespace) -> ToldDeviations:
         if not 0.0 <= value < 1.0:
             raise SloshBringupError(f"{option}: {value / unit:g}, must be at least 0 and small")
         values.append(value)
-    return ToldDeviations(*values)
+    return GivenDeviations(*values)
 
 
 def _level(arguments: argparse.Namespace) -> tuple[float, float] | None:

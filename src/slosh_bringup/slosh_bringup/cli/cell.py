@@ -14,7 +14,10 @@ from slosh_bringup.live.run import LiveRun
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `slosh cell` to the argument parser."""
     parser.add_argument(
-        "--config", type=Path, required=True, help="cell.yaml of the cell; see docs/robot.md"
+        "--config",
+        type=Path,
+        required=True,
+        help="configuration file of the cell (cell.yaml); see docs/robot.md",
     )
     parser.add_argument(
         "-o", "--output", type=Path, default=Path("out/cell"),

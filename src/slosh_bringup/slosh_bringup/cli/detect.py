@@ -43,7 +43,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "source", nargs="+", help="video, folder of images, image(s), 'pattern*.png' or bag"
     )
-    parser.add_argument("--camera", type=Path, required=True, help="calibration (camera.yaml)")
+    parser.add_argument(
+        "--camera", type=Path, required=True, help="calibration file of the camera (camera.yaml)"
+    )
     parser.add_argument(
         "-o",
         "--output",

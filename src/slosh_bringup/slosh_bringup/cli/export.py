@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     motion.add_argument(
         "--absolute",
         action="store_true",
-        help="write t as the time stamp (default: time since the start)",
+        help="write time stamps in the column t (default: the time since the start)",
     )
 
 

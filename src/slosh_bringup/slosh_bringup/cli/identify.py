@@ -63,7 +63,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--tolerance", type=length(0.1), default=0.0005, metavar="M",
-        help="largest allowed mean distance of the surface from a line [m] (default: 0.0005)",
+        help="mean distance of the liquid surface from a straight line [m] up to which it counts "
+        "as straight; sets the accelerations up to which the model is valid (default: 0.0005)",
     )  # fmt: skip
     parser.add_argument(
         "--beside", type=Path, nargs="+", action="extend", metavar="DIR", default=[],

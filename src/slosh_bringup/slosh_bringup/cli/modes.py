@@ -39,7 +39,7 @@ columns:
   static     share of the mode in the static height under constant acceleration
   pendulum   length of a pendulum of the same frequency [mm]
   position   height of the sloshing mass above the still surface [mm]
-  force      lateral force per displacement [N/m]
+  force      lateral force on the container per displacement of the sloshing mass [N/m]
   crest      maximum wave height divided by that at the wall; above 1: crest away from the wall"""
 
 
@@ -55,11 +55,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--plot",
         type=Path,
         metavar="FILE",
-        help="picture to write: contour and modes (.png, .svg)",
+        help="picture to write: the container's contour and its modes (.png, .svg)",
     )
     parser.add_argument(
-        "-o", "--output", type=Path, metavar="OUT.yaml", help="model file to write, with the modes"
-    )
+        "-o", "--output", type=Path, metavar="OUT.yaml",
+        help="model file to write, which contains the computed modes",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the modes as JSON")
 
 
@@ -100,7 +101,7 @@ def facts(model: Model, rows: tuple[ModeRow, ...]) -> dict[str, Any]:
 
 
 def _surface(model: Model, row: ModeRow) -> list[list[float]] | None:
-    """Returns a mode's positions along its axis [m] and heights per amplitude; None: not known."""
+    """Returns the points (position [m], relative height) of a mode's surface; None if unknown."""
     if not model.container.surface_known:
         return None
     try:

@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--speeds", type=speeds, required=True, metavar="FROM:TO[:STEP]",
-        help="speeds of the machine, in cycles by time [1/min]; the step is 1 by default",
+        help="speeds of the machine, in cycles per minute [1/min]; the step is 1 by default",
     )  # fmt: skip
     parser.add_argument(
         "--limit", type=HEIGHT, metavar="M",

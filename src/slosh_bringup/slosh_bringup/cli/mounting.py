@@ -43,7 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--reference", choices=REFERENCES,
-        help="source of the true motion (default: the first of these in the bag)",
+        help="source of the motion with which the sensor is compared (default: the first of these "
+        "that the bag contains)",
     )  # fmt: skip
     add_robot_options(parser)
     parser.add_argument(
@@ -53,8 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--sensor-to-origin", type=length(5.0), nargs=3, metavar=("X", "Y", "Z"),
-        help="mounting to check: vector from the sensor to the container's origin [m] (default: "
-        "as recorded, or from /tf_static)",
+        help="mounting to check: vector from the sensor to the container's origin, in the "
+        "container's axes [m] (default: as recorded, or from /tf_static)",
     )  # fmt: skip
     parser.add_argument(
         "--namespace", metavar="NAMESPACE", help="cell's namespace, for a bag of several cells"

@@ -36,12 +36,12 @@ def add_outline_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     group.add_argument(
         "--page", type=Path, metavar="OUT.html",
-        help="HTML page to write: on it you click the points, and it shows the command to run",
+        help="HTML page to write: on it you click the --points, and it shows the command to run",
     )  # fmt: skip
     group.add_argument(
         "--points", nargs="+", type=float, metavar="PX",
-        help="pixels U V of the rim's two ends, then of the right wall from the rim down to the "
-        "floor",
+        help="pixels U V of the rim's left and right end, then of points on the right wall, from "
+        "the rim down to the floor",
     )  # fmt: skip
 
 

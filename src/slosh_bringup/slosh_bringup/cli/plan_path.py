@@ -49,7 +49,7 @@ def add_path_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--straight", type=quantities.length(10.0), metavar="M",
-        help="length of a straight horizontal path, instead of PATH [m]",
+        help="plan a straight horizontal path of this length [m] instead of PATH",
     )  # fmt: skip
     parser.add_argument(
         "--urdf", type=Path, metavar="FILE",
@@ -70,8 +70,8 @@ def add_path_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--group", metavar="NAME",
-        help="group of the SRDF whose joints move; others that carry the container are held at "
-        "their column in PATH, or at 0, and the rest is carried along",
+        help="group of the SRDF whose joints are planned; other joints that carry the container "
+        "keep their position in PATH, or 0 without a column there",
     )  # fmt: skip
     parser.add_argument(
         "--velocity-scaling", type=quantities.FRACTION, default=1.0, metavar="S",

@@ -18,7 +18,7 @@ from slosh_plan.tray import TrayPrediction
 
 
 def likely_words(answer: Plan, likely: LikelyHeights) -> str:
-    """Describes the heights for all likely parameters, and the longer duration they require."""
+    """Describes peak heights over all likely model parameters, and the duration they require."""
     duration, limits = answer.found.motion.duration, answer.limits
     return (
         f"with {likely.count} likely models ({', '.join(likely.parameters)}; 95 %) up to "
@@ -30,7 +30,7 @@ def likely_words(answer: Plan, likely: LikelyHeights) -> str:
 
 
 def tray_lines(name: str, found: TrayPrediction) -> list[str]:
-    """Describes which container limits the plan, and the heights in the tray's others."""
+    """Describes which container limits the plan, and the heights in the other containers."""
     heights = [
         f"{other} {1e3 * each.nonlinear.peak:.2f} of {1e3 * each.limits.height:g} mm"
         for other, each in found.containers.items()

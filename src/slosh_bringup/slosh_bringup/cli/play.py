@@ -45,10 +45,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--topics",
         default=".*",
         metavar="REGEX",
-        help="play only topics that match REGEX (default: all)",
+        help="play only topics whose names contain a match of REGEX (default: all)",
     )
     parser.add_argument(
-        "--exclude", default="", metavar="REGEX", help="skip topics that match REGEX"
+        "--exclude",
+        default="",
+        metavar="REGEX",
+        help="skip topics whose names contain a match of REGEX",
     )
     parser.add_argument(
         "--inputs", action="store_true",

@@ -33,9 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--list",
         action="store_true",
-        help="print the values with units and Modbus addresses, and end",
+        help="list the served values with units and Modbus addresses, and exit",
     )
-    parser.add_argument("--json", action="store_true", help="with --list: print them as JSON")
+    parser.add_argument("--json", action="store_true", help="print the --list output as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:

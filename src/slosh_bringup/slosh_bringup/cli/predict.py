@@ -123,10 +123,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--plot", type=Path, metavar="OUT.png",
-        help="picture of the motions side by side to write (.png, .svg)",
+        help="picture to write, with the motions side by side (.png, .svg)",
     )  # fmt: skip
     parser.add_argument(
-        "--page", type=Path, metavar="OUT.html", help="page with results and charts to write"
+        "--page", type=Path, metavar="OUT.html", help="HTML page to write, with results and charts"
     )
     parser.add_argument("--json", action="store_true", help="print the results as JSON")
     add_table_options(parser)
@@ -180,7 +180,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _gantry(arguments: argparse.Namespace, tray: Tray, limits: HeightLimits) -> int:
-    """Prints the limits of a machine whose strokes are not known."""
+    """Prints safe accelerations for a machine whose strokes are not known in advance."""
     if arguments.trajectories or tray.is_tray:
         raise SloshBringupError("--gantry: needs the model of one container, and no TRAJECTORY")
     if arguments.output or arguments.plot or arguments.page:

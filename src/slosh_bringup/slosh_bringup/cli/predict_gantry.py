@@ -1,4 +1,4 @@
-"""`slosh predict --gantry`: limits for a machine whose strokes nobody knows beforehand."""
+"""`slosh predict --gantry`: safe accelerations for a machine with unknown strokes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def gantry_text(
     *,
     as_json: bool,
 ) -> str:
-    """Finds the limits of a machine's axes and describes them.
+    """Computes safe accelerations of a machine's axes and describes them as text or JSON.
 
     Args:
         model: of the container and its liquid.

@@ -25,14 +25,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_store(parser)
     parser.add_argument(
         "--page", type=Path, metavar="FILE.html",
-        help="page over all months: frequency, damping and level, events by shift, worst motions",
+        help="HTML page to write about all months: frequency, damping and level, events by shift, "
+        "worst motions",
     )  # fmt: skip
     parser.add_argument("--list", action="store_true", help="print the columns of the table")
     parser.add_argument("--json", action="store_true", help="print rows or columns as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints the answer, or writes the page."""
+    """Prints the result of a query, or writes the page about all stored motions."""
     from slosh_replay.fleet.query import query
     from slosh_replay.fleet.store import FleetStore
 
@@ -79,7 +80,7 @@ def _text(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Returns a value of DuckDB as JSON has it; what JSON has not becomes text or null."""
+    """Converts a DuckDB value to a JSON value: dates and other types to text, infinity to null."""
     if isinstance(value, float):
         return value if abs(value) < float("inf") else None
     if value is None or isinstance(value, bool | int | str):

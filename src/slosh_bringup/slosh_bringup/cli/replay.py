@@ -16,6 +16,7 @@ from slosh_bag.mcap_files.bag_folder import files_of
 from slosh_bag.reader import bag_files
 from slosh_base.files import check_apart, check_outside
 from slosh_base.files.plain_text import plain_line
+from slosh_bringup.cli.bag_work import add_work_options, chosen_jobs
 from slosh_bringup.cli.input_options import add_input_options, wanted_input
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.progress import item_progress
@@ -38,8 +39,6 @@ from slosh_replay.replay.result import Judged, ModelAccuracy
 from slosh_report.text_table import aligned
 
 DONE, FAILED, WRONG_INPUT = 0, 1, 2
-WORTH_PROCESSES = 100_000_000
-"""Bags of this size together are replayed in several processes; to start these takes seconds."""
 HEADS = ("bag", "images", "dropped", "events", "estimates", "verdict")
 
 
@@ -86,12 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="file for the results of the checks, as JUnit XML",
     )
-    parser.add_argument(
-        "--jobs", type=int, help="number of processes (default: one per core; one for small bags)"
-    )
-    parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="address of a Dask cluster on which the replays run"
-    )
+    add_work_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -167,9 +161,7 @@ def replay_all(
 ) -> list[ItemOutcome[Task, Replayed]]:
     """Runs the replay tasks and returns their outcomes in the same order."""
     outcomes: list[ItemOutcome[Task, Replayed]] = []
-    jobs = arguments.jobs
-    if jobs is None and arguments.scheduler is None and _size(tasks) < WORTH_PROCESSES:
-        jobs = 1
+    jobs = chosen_jobs([task.bag for task in tasks], arguments)
     work = map_files(replay_task, tasks, jobs=jobs, scheduler=arguments.scheduler)
     try:
         with item_progress("replay", len(tasks), "bags") as progress, closing(work):
@@ -181,12 +173,6 @@ def replay_all(
             remove_unfinished(tasks)
         raise
     return sorted(outcomes, key=lambda outcome: outcome.index)
-
-
-def _size(tasks: Sequence[Task]) -> int:
-    """Returns the total size of the bags that can be read [bytes]."""
-    files = [path for task in tasks for path in (task.bag, *task.bag.glob("*.mcap"))]
-    return sum(path.stat().st_size for path in files if path.is_file())
 
 
 def tell(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:

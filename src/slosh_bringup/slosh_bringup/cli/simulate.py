@@ -27,14 +27,14 @@ from slosh_model.measure import predicted_heights
 from slosh_model.model_text import read_model
 from slosh_model.response import Response
 from slosh_model.simulate import simulate
-from slosh_model.tilt import added_text, attitude_of, feeling
+from slosh_model.tilt import added_text, attitude_of, with_tilt
 from slosh_plan import HeightLimits
 from slosh_tables.motion_table import read_motion_table
 from slosh_tables.text_table.units import check_span
 
 EXIT_KEPT, EXIT_NOT_KEPT = 0, 1
 EPILOG = """columns of the table:
-  t           the motion's samples [s]
+  t           times of the motion's samples [s]
   msh         maximum height at the wall as a sensor measures it, including the model's
               effects on the measurement (offset, scale, delay, ...) [m]
   azimuth     direction of the liquid's highest point, from the container's +x [rad]
@@ -74,7 +74,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_rim_distance(parser)
     parser.add_argument(
-        "--plot", type=Path, metavar="OUT.png", help="picture of the result to write (.png, .svg)"
+        "--plot",
+        type=Path,
+        metavar="OUT.png",
+        help="picture to write, with the result (.png, .svg)",
     )
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     add_table_options(parser)
@@ -97,7 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
     added = added_text(model, attitude_of(inputs))
     if added:
         print(plain_line(f"slosh simulate: note: {arguments.motion}: {added}"), file=sys.stderr)
-    model = feeling(model, attitude_of(inputs))
+    model = with_tilt(model, attitude_of(inputs))
     response, _ = simulate(model, inputs)
     msh = predicted_heights(model, inputs, inputs.t)[:, 0]
     gaps = gap_text(motion.t, model)

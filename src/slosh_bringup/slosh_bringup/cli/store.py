@@ -1,4 +1,4 @@
-"""`slosh store`: shows which bags of a cell's runs are kept, and deletes old ones on request."""
+"""`slosh store`: lists the bags of a cell's runs, and deletes old ones on request."""
 
 from __future__ import annotations
 
@@ -31,21 +31,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--quota", type=SIZE, default=0.0, metavar="SIZE",
-        help="largest total size of the bags, such as 20GB; beyond it the oldest go, event "
-        "bags last",
+        help="largest total size of the bags, such as 20GB (default: no limit); above it "
+        "the oldest bags are selected for deletion, event bags last",
     )  # fmt: skip
     parser.add_argument(
-        "--days", type=float, default=0.0, metavar="N", help="age of complete bags [day]"
-    )
+        "--days", type=float, default=0.0, metavar="N",
+        help="largest age of complete bags [day] (default: no limit)",
+    )  # fmt: skip
     parser.add_argument(
-        "--event-days", type=float, default=0.0, metavar="N", help="age of event bags [day]"
-    )
-    parser.add_argument("--delete", action="store_true", help="delete what is too old or too much")
+        "--event-days", type=float, default=0.0, metavar="N",
+        help="largest age of event bags [day] (default: no limit)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--delete", action="store_true",
+        help="delete the bags beyond these limits (default: only list them)",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the bags as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints the bags, and deletes the surplus if asked to."""
+    """Prints the stored bags; with --delete, deletes those beyond the limits."""
     retention = Retention(round(arguments.quota), arguments.days, arguments.event_days)
     now = time.time()
     bags = stored_bags(arguments.runs, now)
@@ -65,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def as_text(bags: Sequence[StoredBag], found: Surplus, is_deleted: bool) -> str:
-    """Returns the table of the bags."""
+    """Formats the stored bags as a text table that marks those beyond the limits."""
     fate = "deleted" if is_deleted else "would be deleted"
     rows = [("written", "MB", "kind", "", "bag")]
     for bag in bags:
@@ -83,7 +88,7 @@ def as_text(bags: Sequence[StoredBag], found: Surplus, is_deleted: bool) -> str:
 
 
 def as_json(bags: Sequence[StoredBag], found: Surplus, is_deleted: bool) -> str:
-    """Returns the bags as JSON; times in seconds since 1970, sizes in bytes."""
+    """Formats the stored bags as JSON; times in seconds since 1970, sizes in bytes."""
     rows = [
         {
             "folder": str(bag.folder), "written": bag.written, "size": bag.size,

@@ -16,16 +16,22 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("format of the tables (default: detected)")
     group.add_argument(
         "--columns", action="append", default=[], metavar="NAME=COLUMN,…",
-        help="columns to read, by the table's names or numbers, e.g. t=Time,ax=acc_x; other "
-        "columns are ignored",
+        help="columns to read, by their names or numbers in the table, e.g. t=Time,ax=acc_x; "
+        "other columns are ignored (default: detected)",
     )  # fmt: skip
-    group.add_argument("--time-unit", choices=list(TIME), help="unit of the time column")
     group.add_argument(
-        "--decimal", choices=[".", ","], metavar="CHARACTER", help="decimal separator: . or ,"
+        "--time-unit",
+        choices=list(TIME),
+        help="unit of the table's time column (default: detected)",
     )
     group.add_argument(
-        "--separator", choices=[",", ";", "|", "tab", "space"], help="separator between columns"
-    )
+        "--decimal", choices=[".", ","], metavar="CHARACTER",
+        help="decimal separator of the table: . or , (default: detected)",
+    )  # fmt: skip
+    group.add_argument(
+        "--separator", choices=[",", ";", "|", "tab", "space"], metavar="CHARACTER",
+        help="column separator of the table: , ; | tab or space (default: detected)",
+    )  # fmt: skip
 
 
 def table_options(arguments: argparse.Namespace) -> TableOptions:

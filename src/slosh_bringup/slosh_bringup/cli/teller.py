@@ -35,7 +35,7 @@ class Teller:
     def warn(self, path: object, doubts: Iterable[InputDoubt]) -> None:
         """Prints why an input file is doubtful and records that it is."""
         for doubt in doubts:
-            self(doubt.about(path))
+            self(doubt.of_file(path))
 
     @property
     def exit_code(self) -> int:

@@ -74,7 +74,8 @@ COLUMNS: Mapping[str, str] = {
     "first_at": "time of the first message that differs [s]",
     "recorded replayed": "value in the recording, and value of the replay",
     "largest_difference": "largest absolute difference, in the field's SI unit",
-    "start": "begin of the excess from the page's zero of time [s]",
+    "start": "begin of the motion or the excess from the page's zero of time [s]",
+    "end": "end of the motion from the page's zero of time [s]",
     "limit": "limit of the height, or the container's rim where it is lower [mm]",
     "peak": "greatest height during the motion or the excess, measured or by the nonlinear model "
     "[mm]",
@@ -83,6 +84,21 @@ COLUMNS: Mapping[str, str] = {
     "state": "health of the node: OK, WARN, ERROR or STALE (silent)",
     "age": "time since the node last reported [s]",
     "message": "last sentence of the node's report",
+    # validation reports
+    "criterion": "quantity that is accepted up to a limit; pass, fail or undecided",
+    "u": "expanded uncertainty of the value (k = 2): about 95 % of errors are smaller",
+    "recording recordings": "recording that the row is about, or number of recordings",
+    "gaps": "number of time spans without a measurement",
+    "role": "what the file is for, or on whose behalf a person signs",
+    "bytes": "size of the file [byte]",
+    "sha-256 | SHA-256 of the content": "digest of the file's content; a change gives another",
+    "origin": "where the limit comes from",
+    "limit_use": "highest measured height by its limit [%]",
+    "reproduced": "recorded estimates that the replay gave again",
+    "deviation": "standard deviation of a motion's highest heights over the recordings [mm]",
+    "mean lowest spread": "mean, least value and highest minus lowest of a motion's highest "
+    "heights over the recordings [mm]",
+    "name | date | date of issue | signature": "lines to be signed by hand",
     # motions of months
     "month": "month of the motions' begin (UTC)",
     "container": "shape of the container",
@@ -92,6 +108,8 @@ COLUMNS: Mapping[str, str] = {
     "hours": "eight hours of the day, a shift (UTC)",
     "begin": "begin of the motion (UTC)",
     "estimated": "height by the nonlinear model [mm]",
+    "change": "slope of a straight line through all motions, times the time from first to last",
+    "level [mm]": "median of the still level above the measurement's zero [mm]",
     # predictions and plans
     "motion trajectory": "motion that the row is about",
     "duration": "time from the start to the end of the motion or the excess [s]",

@@ -7,9 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from slosh_bag.mcap_files.remote_path import is_url
+from slosh_bag.store.motion_ingest import PARAMETER as MOTIONS
 from slosh_base.files.errors import SloshFileError
+from slosh_base.files.file_version import CELL, read_versioned
 from slosh_base.files.nearest import did_you_mean
-from slosh_base.files.yaml_document import YamlDocument, read_yaml, shown
+from slosh_base.files.yaml_document import YamlDocument, shown
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import NodeProcess, config_folder
 from slosh_model.tray import read_tray
@@ -17,7 +20,9 @@ from slosh_msgs_py import topics
 from slosh_msgs_py.errors import SloshMessageError
 
 NAMESPACE = topics.NAMESPACE
-NODES_OF_A_CELL = ("recorder", "estimator", "camera", "sensor", "monitor", "governor", "plc")
+NODES_OF_A_CELL = (
+    "recorder", "estimator", "camera", "sensor", "monitor", "governor", "plc", "markers"
+)  # fmt: skip
 """In the order of their start: what the recorder records must not have begun."""
 REMAPPABLE = (
     *(topic.name for topic in topics.TOPICS if topic.remappable),
@@ -44,9 +49,13 @@ class CellSetup:
         remap: relative topic -> the robot's topic.
         reading: parameters of the estimator that say what drives it, as far as they are given.
         plc: whether the cell's state is served to controllers; see slosh_plc.
+        markers: whether the surface is published for RViz and Foxglove.
+        hardware_id: of the cell in diagnostics, such as a serial number; empty: its namespace.
         force: identification.json of the payload on a force sensor; None: there is none.
         cameras: camera.yaml of each container behind a tray's first that has a camera, by name.
         record: of RECORD; empty: as the recorder's parameters have it.
+        store_motions: folder or URL of the store that gets the recording's motions at its end, the
+            recorder's parameter of that name; empty: as the recorder's parameters have it.
         govern: kind of the commands that the governor limits, of topics.COMMANDING; empty: it is
             not started.
     """
@@ -60,18 +69,22 @@ class CellSetup:
     record: str = ""
     force: Path | None = None
     plc: bool = False
+    markers: bool = False
+    hardware_id: str = ""
     cameras: Mapping[str, Path] = field(default_factory=dict)
     govern: str = ""
+    store_motions: str = ""
 
     @property
     def camera_nodes(self) -> dict[str, str]:
-        """Names of the nodes of further cameras, by the name of the container."""
+        """Names of the nodes of further cameras, by container name."""
         return {container: f"camera_{container}" for container in self.cameras}
 
     def processes(self, bag: Path) -> list[NodeProcess]:
         """Returns the cell's node processes; no camera or sensor node without its file."""
+        recorder = {"output": str(bag), "mode": self.record, MOTIONS: self.store_motions}
         own: dict[str, dict[str, str]] = {
-            "recorder": {"output": str(bag)},
+            "recorder": {key: value for key, value in recorder.items() if value},
             "estimator": {"model": str(self.model), **self.reading},
             "camera": {"calibration": str(self.calibration)},
             "monitor": {},
@@ -85,10 +98,10 @@ class CellSetup:
             own["monitor"] = {"camera": "false"}
         if self.plc:
             own["plc"] = {}
+        if self.markers:
+            own["markers"] = {}
         if self.cameras:
             own["monitor"]["cameras"] = ",".join(self.cameras)
-        if self.record:
-            own["recorder"]["mode"] = self.record
         if self.govern:
             robot = {key: self.reading[key] for key in ROBOT if key in self.reading}
             own["governor"] = {"model": str(self.model), "command": self.govern, **robot}
@@ -113,7 +126,7 @@ def read_setup(path: Path) -> CellSetup:
             the file, the line and the key.
     """
     try:
-        source = read_yaml(path)
+        source = read_versioned(path, CELL)
     except SloshFileError as error:
         raise SloshBringupError(str(error)) from None
     document = source.value
@@ -129,7 +142,10 @@ def read_setup(path: Path) -> CellSetup:
         "record",
         "force",
         "plc",
+        "markers",
+        "hardware_id",
         "govern",
+        MOTIONS,
         *READING,
     )
     for key in document:
@@ -154,24 +170,48 @@ def read_setup(path: Path) -> CellSetup:
         record=_one_of(source, "record", RECORD),
         govern=_one_of(source, "govern", tuple(topics.COMMANDING)),
         force=_file(source, "force") if "force" in document else None,
-        plc=_plc(source),
+        plc=_flag(source, "plc"),
+        markers=_flag(source, "markers"),
+        hardware_id=_hardware_id(source),
+        store_motions=_store(source),
     )
 
 
 def _one_of(source: YamlDocument, key: str, known: Sequence[str]) -> str:
-    """Returns a key's value, which must be a known one; empty if the cell file lacks the key."""
+    """Returns a key's value, or an empty text; raises an error for a value that is not known."""
     value = source.value.get(key, "")
     if key in source.value and value not in known:
         raise SloshBringupError(f"{source.at(key)} = {shown(value)} must be {' or '.join(known)}")
     return str(value)
 
 
-def _plc(source: YamlDocument) -> bool:
-    """Returns whether the cell file asks for the servers of controllers."""
-    value = source.value.get("plc", False)
+def _store(source: YamlDocument) -> str:
+    """Returns the fleet store named in the cell file; a folder is relative to that file."""
+    value = source.value.get(MOTIONS, "")
+    if not isinstance(value, str) or "\0" in value:
+        raise SloshBringupError(
+            f"{source.at(MOTIONS)} = {shown(value)} must be a folder or a URL, such as "
+            "s3://bucket/motions"
+        )
+    if not value or is_url(value):
+        return value
+    return str((Path(source.source).parent / value).resolve())
+
+
+def _flag(source: YamlDocument, key: str) -> bool:
+    """Returns the value of a key that is true or false; false if the cell file lacks the key."""
+    value = source.value.get(key, False)
     if not isinstance(value, bool):
-        raise SloshBringupError(f"{source.at('plc')} = {shown(value)} must be true or false")
+        raise SloshBringupError(f"{source.at(key)} = {shown(value)} must be true or false")
     return value
+
+
+def _hardware_id(source: YamlDocument) -> str:
+    """Returns the cell's name or serial number for diagnostics; empty if the file has none."""
+    value = source.value.get("hardware_id", "")
+    if isinstance(value, bool) or not isinstance(value, str | int):
+        raise SloshBringupError(f"{source.at('hardware_id')} = {shown(value)} must be a text")
+    return str(value)
 
 
 def _reading(source: YamlDocument) -> dict[str, str]:
@@ -203,7 +243,7 @@ def _has_camera(source: YamlDocument) -> bool:
 
 
 def read_cameras(source: YamlDocument, model: Path) -> dict[str, Path]:
-    """Returns each camera's file by its container's name; the first or only one has no name.
+    """Returns the camera files by container name; the first or only container has no name.
 
     The key `calibration` names the file of the first container's camera, or maps names of a
     tray's containers to the files of their cameras.
@@ -232,7 +272,7 @@ def read_cameras(source: YamlDocument, model: Path) -> dict[str, Path]:
 def _file(
     source: YamlDocument, key: str, default: Path | None = None, name: str | None = None
 ) -> Path:
-    """Returns the path that a key names, or that a name in the key's mapping does."""
+    """Returns the path of the file that a key, or an entry under it, gives in the cell file."""
     value = source.value.get(key, default)
     value = value if name is None else value[name]
     if not isinstance(value, str | Path) or "\0" in str(value):

@@ -133,7 +133,7 @@ def make_live_report(
 
 
 def _events_line(folder: Path, bags: Sequence[Path]) -> str:
-    """Describes which limit events were recorded and how to view them."""
+    """Describes the recorded event bags in one line, with the command that replays them."""
     if not bags:
         return "no event was recorded"
     names = ", ".join(bag.name for bag in bags[-MOST_NAMED:])
@@ -192,7 +192,7 @@ def _replayed_report(
 
 
 def _recorded_report(title: str, data: RunData | None, result: LiveResult) -> RunReport:
-    """Creates the report from the recorded comparisons, without a replay."""
+    """Creates the report from the heights that the monitor compared live, without a replay."""
     stamps = data.stamps if data else np.empty(0, dtype=np.int64)
     columns = data.columns if data else dict.fromkeys(HEIGHTS, np.empty(0))
     order = np.argsort(stamps)

@@ -13,6 +13,7 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import CellSetup
 from slosh_bringup.live.deafness import Deafness
 from slosh_bringup.live.other_cells import PERIOD, OtherCells
+from slosh_bringup.live.service_manager import ServiceManager
 from slosh_bringup.live.supervision import Supervision
 from slosh_bringup.live.watch import LiveWatch, Screen
 from slosh_bringup.parameter_file import check_parameter_file
@@ -30,6 +31,7 @@ from slosh_model.containers import PRISMATIC
 from slosh_model.tray import read_tray
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.domain import claimed_namespace, own_domain
+from slosh_msgs_py.node.hardware import HARDWARE_ID
 from slosh_msgs_py.node.shared_memory import remove_leftovers
 
 POLL = 0.1
@@ -124,9 +126,12 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> RunOutcome:
     watch = LiveWatch(run.folder / SETTINGS, names, screen, ready)
     namespace, remap = run.setup.namespace, run.setup.remap
     diagnostics = remap.get(topics.DIAGNOSTICS, topics.DIAGNOSTICS)
+    manager = ServiceManager()
     with ExitStack() as stack:
         environment = node_environment()
         environment.update(_domain(run, stack, watch.tell))
+        if run.setup.hardware_id:
+            environment[HARDWARE_ID] = run.setup.hardware_id
         # The listener below speaks as the nodes do.
         os.environ.update(environment)
         group = stack.enter_context(NodeGroup(namespace, run.folder / LOGS, environment))
@@ -144,6 +149,7 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> RunOutcome:
         end, look_at = None, time.monotonic()
         while not (stop.reason or watch.given_up or end or "cell" in group.ended()):
             watch.look()
+            manager.look(is_ready=watch.began, status=watch.waits_for)
             listener.listen(POLL)
             if time.monotonic() >= look_at:
                 look_at += PERIOD
@@ -151,6 +157,7 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> RunOutcome:
                 _tell_of_another(found, namespace, watch)
                 supervision.end_deaf(deafness.look(watch.unheard, time.monotonic()))
             end = supervision.look(began=watch.began, silences=watch.silences)
+        manager.stopping()
         problems = supervision.problems
         if group.stop().get(LAST) == 1:
             problems.append(group.last_line(LAST))

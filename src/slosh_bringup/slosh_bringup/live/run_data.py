@@ -1,4 +1,4 @@
-"""Contents of a recorded run: comparisons, exact heights, limit events and latencies."""
+"""Contents of a recorded run: compared heights, exact heights, limit events and latencies."""
 
 from __future__ import annotations
 

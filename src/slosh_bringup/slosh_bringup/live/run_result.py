@@ -110,7 +110,7 @@ def evaluate(data: RunData) -> RunResult:
 
 
 def _further(container: str, table: Array) -> tuple[str, Array, Array]:
-    """Returns measured and estimated heights of a container behind a tray's first, with a name."""
+    """Returns name, measured and estimated heights of a tray's container other than the first."""
     of = dict(zip(COLUMNS, table.T, strict=True))
     flags, sound = of["measured_flags"].astype(np.int64), of["estimate_flags"].astype(np.int64)
     measured, model = of["measured"], of["estimated_nonlinear"]
@@ -154,7 +154,7 @@ def table(result: RunResult) -> str:
 
 
 def print_replay(replayed: ReplayResult) -> None:
-    """Prints whether a replay reproduced the recorded estimates and comparisons."""
+    """Prints whether a replay reproduced the recorded estimates and monitor results."""
     parts = [
         f"{found.identical} of {found.recorded + found.missing} {name}s"
         for name, found in replayed.verified.items()

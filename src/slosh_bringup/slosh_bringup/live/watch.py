@@ -114,7 +114,7 @@ class LiveWatch:
         self._begin()
 
     def take_comparison(self, comparison: Any) -> None:
-        """Stores the newest comparison message, for display."""
+        """Stores the newest SloshComparison message (measured, estimated height), for display."""
         heights = comparison.measured, comparison.estimated_nonlinear
         self._status.take_comparison(
             *heights, comparison.state, time.monotonic(),
@@ -219,7 +219,7 @@ class CellStatus:
     def take_parameters(self, node: str, parameters: Mapping[str, Any]) -> None:
         """Stores the limits if the parameters are those of the monitor."""
         if node == "monitor":
-            self._settings = MonitorSettings.from_told(parameters)
+            self._settings = MonitorSettings.from_partial(parameters)
 
     def line(self, now: float) -> str:
         """Formats state, heights, limit and message rates in one line."""

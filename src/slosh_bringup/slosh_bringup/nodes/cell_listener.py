@@ -37,7 +37,7 @@ class Hearer(Protocol):
         """Processes a node's diagnostics."""
 
     def take_comparison(self, comparison: SloshComparison) -> None:
-        """Processes a comparison of measured and estimated heights."""
+        """Processes a SloshComparison message (measured and estimated height)."""
 
 
 class TopicProbe:
@@ -68,7 +68,7 @@ class TopicProbe:
 
 
 class CellListener:
-    """Subscriptions to a cell's diagnostics, settings and comparisons; a context manager.
+    """Subscriptions to a cell's diagnostics, settings and compared heights; a context manager.
 
     The process must have the nodes' environment when it is made: domain, discovery, profiles.
 

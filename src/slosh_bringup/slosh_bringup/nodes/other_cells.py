@@ -27,7 +27,7 @@ Take = Callable[[Subscription, Any, int], Iterator[Any]]
 
 
 class OtherCells:
-    """Finds cells by their comparison topics and receives the newest messages of each.
+    """Finds cells by their SloshComparison topics and receives the newest messages of each.
 
     Args:
         node: the node.
@@ -76,7 +76,7 @@ class OtherCells:
                 self.cells.take_report(name, report)
 
     def _names(self, topic: str) -> set[str]:
-        """Returns the namespaces of the cells that publish comparisons on a topic."""
+        """Returns the namespaces of the cells that publish SloshComparison messages on a topic."""
         name = topics.cell_name(topic, _TYPE)
         if name is not None:
             return {name.namespace or "/"}

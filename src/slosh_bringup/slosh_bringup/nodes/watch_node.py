@@ -118,7 +118,7 @@ class WatchNode(PolledNode):
         self._server.call(self._hub.put_frame, self._state.frame(now))
 
     def _look_at_estimate(self, now: float) -> None:
-        """Subscribes to estimates, about 1000 per second, only while there are no comparisons."""
+        """Subscribes to estimates, about 1000 per second, only while the monitor is silent."""
         if not self._state.is_alone(now):
             self.drop_polled(self._estimates)
             self._estimates = None

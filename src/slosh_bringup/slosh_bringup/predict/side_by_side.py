@@ -16,7 +16,7 @@ from slosh_base.types import Array
 from slosh_bringup.simulate.chart import FAR, new_picture
 from slosh_model.model import Model
 from slosh_model.simulate import simulate
-from slosh_model.tilt import attitude_of, feeling
+from slosh_model.tilt import attitude_of, with_tilt
 from slosh_plan import Prediction, Trajectory
 from slosh_plan.prediction import checked_horizon
 from slosh_report.page.series import envelope
@@ -103,8 +103,8 @@ def profiles(
 def _profile(
     model: Model, motion: Trajectory, answer: Prediction, horizon: float
 ) -> PredictedProfile:
-    felt, inputs = feeling(model, attitude_of(motion)), motion.inputs(horizon)
-    linear, nonlinear = (simulate(one, inputs)[0].msh for one in (felt.linear(), felt.nonlinear()))
+    used, inputs = with_tilt(model, attitude_of(motion)), motion.inputs(horizon)
+    linear, nonlinear = (simulate(one, inputs)[0].msh for one in (used.linear(), used.nonlinear()))
     strength = np.linalg.norm(inputs.acceleration, axis=1)
     return PredictedProfile(inputs.t, linear, nonlinear, strength, answer)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -12,6 +11,7 @@ from typing import Final, NamedTuple
 from slosh_bag.reader import BagReader
 from slosh_base.files import write_text
 from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.replay.containers import further_containers
 from slosh_bringup.replay.frames import bag_pictures, bag_topics
 from slosh_replay.in_force import described, in_force, last_starts, parameter_changes
 from slosh_replay.recorded_run import RecordedRun
@@ -19,7 +19,12 @@ from slosh_replay.recording.facts import event_lines
 from slosh_replay.recording.sources import CellTopics
 from slosh_replay.replay import ReplayResult
 from slosh_replay.replay.checking import CheckedReplay
-from slosh_replay.replay.report import Surroundings, replay_report, report_start
+from slosh_replay.replay.report import (
+    Surroundings,
+    recorded_at,
+    replay_report,
+    report_start,
+)
 from slosh_report.run_report import Fact, RunReport, render_report, report_document
 
 TOPIC: Final = "prediction_outcome"
@@ -52,8 +57,7 @@ def write_page(
 
 def _facts(run: RecordedRun, result: ReplayResult) -> tuple[Fact, ...]:
     """Returns date, settings, model and program version of a replay; all are reproducible."""
-    start = datetime.fromtimestamp(1e-9 * report_start(result), UTC)
-    facts = {"recorded": f"{start:%Y-%m-%d %H:%M:%S} UTC", **in_force(last_starts(run))}
+    facts = {"recorded": recorded_at(result), **in_force(last_starts(run))}
     if result.model is not None:
         facts["model"] = described(result.model)
     facts["replayed by"] = f"slosh {version('slosh_bringup')}"
@@ -82,7 +86,8 @@ def make_report(run: RecordedRun, result: ReplayResult, around: Surroundings) ->
     notes = (*event_lines(run.facts, start_ns), *parameter_changes(run, start_ns))
     around = replace(around, facts=(*around.facts, *planned), notes=(*around.notes, *notes))
     pictures, topics = bag_pictures(run, result), bag_topics(run, result.seconds)
-    return replay_report(result, replace(around, frames=pictures, topics=topics))
+    report = replay_report(result, replace(around, frames=pictures, topics=topics))
+    return replace(report, further=further_containers(run, result))
 
 
 class PredictedMotion(NamedTuple):

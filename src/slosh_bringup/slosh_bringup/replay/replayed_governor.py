@@ -1,4 +1,4 @@
-"""Replays the governor node step by step, from the commands and fused estimates that it took."""
+"""Replays the governor node step by step, with the commands and fused estimates that it used."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _FIELDS = (
 
 
 class _FromTheStart:
-    """Selects the recorded governor steps that follow its start without a gap."""
+    """Selects the recorded steps that follow the governor's start without a gap."""
 
     def __init__(self) -> None:
         self._last = -1
@@ -78,7 +78,7 @@ def governor_row() -> ReplayedNode:
 
 
 class _Step(NamedTuple):
-    """What a recorded step tells of its inputs.
+    """The inputs that the governor had received at a recorded step.
 
     Attributes:
         stamp_ns: of the step [ns].
@@ -101,7 +101,7 @@ class _Step(NamedTuple):
     places: tuple[float, ...]
 
     def command(self, size: int) -> Command:
-        """Returns the last command, of a number of coordinates."""
+        """Returns the step's newest velocity command, with `size` coordinates."""
         sent = 0 if math.isnan(self.age) else self.stamp_ns - round(self.age * SECOND)
         velocity, target = self.velocity[:size], self.target[:size]
         if not any(map(math.isnan, target)):
@@ -111,7 +111,7 @@ class _Step(NamedTuple):
 
 
 class ReplayedGovernor:
-    """Replays the governor; each recorded step tells which inputs had arrived before it.
+    """Replays the governor; each recorded step shows which inputs had arrived before it.
 
     Args:
         setting: of the replay.
@@ -143,7 +143,7 @@ class ReplayedGovernor:
         return {GOVERNED_MOTION: _messages(moved)} if moved else {}
 
     def _begin(self, step: _Step) -> None:
-        """Creates the governor at a start of its process, or where it began anew."""
+        """Creates the governor with the recorded settings that were in effect at a step."""
         while self._starts and self._starts[0].stamp_ns <= step.stamp_ns:
             self._start = self._starts.popleft()
             if self._starts and not self._starts[0].stamp_ns:
@@ -169,7 +169,7 @@ class ReplayedGovernor:
 
 
 def _governor_of(start: NodeStart, places: tuple[float, ...]) -> Governor:
-    """Creates the governor of a recorded start."""
+    """Creates the governor from the settings that the node recorded at a start."""
     model, files = model_of(start), start.files
     arm = None
     if "urdf" in files:

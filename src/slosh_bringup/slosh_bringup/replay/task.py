@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,8 +11,6 @@ from dataclasses import dataclass, replace
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 import slosh_base
 from slosh_bag.errors import SloshBagError
@@ -37,7 +34,7 @@ from slosh_replay.replay.checking import (
     expectation_of,
 )
 from slosh_replay.replay.output_bag import FACTS, OutputBag
-from slosh_replay.replay.report import report_start, shown_models
+from slosh_replay.replay.report import highest, report_start, shown_models
 from slosh_replay.replay.result import ModelAccuracy
 from slosh_replay.replay.verification import Verification
 
@@ -153,7 +150,7 @@ def replay_task(task: Task) -> Replayed:
         task.name,
         result.accuracy,
         _headline(result),
-        _peak(result),
+        highest(result.measured),
         checked,
         _in_short(found),
         (
@@ -175,11 +172,6 @@ def replay_task(task: Task) -> Replayed:
 def _headline(result: ReplayResult) -> ModelAccuracy | None:
     nonlinear = shown_models(result)[1]
     return next((row for row in result.accuracy if row.name == nonlinear), None)
-
-
-def _peak(result: ReplayResult) -> float:
-    known = result.measured[np.isfinite(result.measured)]
-    return float(known.max()) if len(known) else math.nan
 
 
 def _checked(result: ReplayResult, task: Task) -> CheckedReplay | None:

@@ -1,4 +1,4 @@
-"""Result of a simulated motion: peak, limit, rim, and doubts about the input table."""
+"""Result of a simulated motion: peak height, limit, rim, and faults of the input table."""
 
 from __future__ import annotations
 

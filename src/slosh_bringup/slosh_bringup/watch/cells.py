@@ -79,7 +79,7 @@ class CellList:
             del self._cells[name]
 
     def take_comparison(self, name: str, compared: Compared, now: float) -> None:
-        """Stores a cell's newest comparison."""
+        """Stores a cell's newest SloshComparison message (measured and estimated height)."""
         cell = self._cell(name)
         if cell is not None:
             cell.compared, cell.at = compared, now
@@ -88,7 +88,7 @@ class CellList:
         """Stores the limits of a cell's monitor."""
         cell = self._cell(name) if node == "monitor" else None
         if cell is not None:
-            cell.settings = MonitorSettings.from_told(parameters)
+            cell.settings = MonitorSettings.from_partial(parameters)
 
     def take_report(self, name: str, report: NodeReport) -> None:
         """Stores the port of a known cell's watch page, and the cell's worst container."""

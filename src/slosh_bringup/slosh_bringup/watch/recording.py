@@ -78,7 +78,7 @@ class RecordedFrames:
         self.start = max(first_happening(self.frames) - BEFORE, 0)
 
     def about(self) -> dict[str, Any]:
-        """Returns what the watch page must know before it requests updates from a recording."""
+        """Returns the data that the watch page needs before it requests updates of a recording."""
         facts = {"name": self._bag.name, "frames": len(self.frames), "period": PERIOD}
         return {**facts, "start": self.start}
 

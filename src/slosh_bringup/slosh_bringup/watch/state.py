@@ -94,7 +94,7 @@ class CalmNews(NamedTuple):
 
 
 class GovernorNews(NamedTuple):
-    """Displayed fields of a GovernedMotion: followed share of the command, state and reason."""
+    """Displayed fields of a GovernedMotion: fraction of the command followed, state and reason."""
 
     share: float
     state: int
@@ -146,13 +146,13 @@ class WatchState:
         self.cells: list[dict[str, Any]] = []
 
     def is_alone(self, now: float) -> bool:
-        """Whether the estimate is drawn on its own, because there are no comparisons."""
+        """Whether the estimate is drawn alone, because no measured height is compared with it."""
         compared = self._compared
         silent = compared is None or compared.alone or not math.isfinite(compared.estimated)
         return silent or now - self._compared_at > ALONE
 
     def take_comparison(self, compared: Compared, now: float) -> None:
-        """Stores a comparison that was received at a monotonic time [s]."""
+        """Stores measured and estimated height, which were received at a monotonic time [s]."""
         self._compared, self._compared_at = compared, now
         if math.isfinite(compared.measured) or math.isfinite(compared.estimated):
             self._add(compared.stamp_ns, compared.measured, compared.estimated)
@@ -162,7 +162,7 @@ class WatchState:
         self._surface = surface
 
     def take_estimate(self, estimated: Estimated, now: float) -> None:
-        """Stores the newest estimate, to be drawn if there are no comparisons."""
+        """Stores the newest estimate, to be drawn if no measured height is compared with it."""
         self._estimated, self._estimated_at = estimated, now
         if self.is_alone(now):
             self._add(estimated.stamp_ns, math.nan, estimated.height)
@@ -203,7 +203,7 @@ class WatchState:
             return
         if not goes_on:
             self._open.clear()
-        self._settings = MonitorSettings.from_told(parameters)
+        self._settings = MonitorSettings.from_partial(parameters)
 
     def take_container(self, container: Container) -> None:
         """Stores the container's views and the height of its rim, for drawing."""

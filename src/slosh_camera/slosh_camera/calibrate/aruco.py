@@ -47,7 +47,7 @@ def board_of(
 def find_corners(
     image: Image, charuco: bool, board: Any, dictionary: Any
 ) -> tuple[FloatArray, FloatArray]:
-    """Detects a board's corners: places (N, 3) [m] on the board and pixels (N, 2) in the image."""
+    """Detects a board's corners: positions (N, 3) [m] on the board, pixels (N, 2) in the image."""
     find = _find_recent if _is_recent() else _find_by_functions
     points, corners = find(image, charuco, board, dictionary)
     if points is None or corners is None or len(points) != len(corners):

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from slosh_base.files.file_version import CAMERA
 from slosh_base.files.yaml_document import YamlDocument, format_yaml, shown
 from slosh_camera.calibrate.intrinsics import camera_of, lens_block
 from slosh_camera.calibrate.yaml_fields import (
@@ -175,6 +176,7 @@ def format_calibration(calibration: AnyCalibration) -> str:
         document["detection"] = settings
     if calibration.still_image is not None:
         document["still_image"] = str(calibration.still_image)
+    document = CAMERA.versioned(document)
     return format_yaml(document, sort_keys=False, default_flow_style=None, width=99)
 
 
@@ -363,7 +365,7 @@ def _of_cylinder(calibration: AnyCalibration, source: str) -> Calibration:
 
 
 def _built(source: YamlDocument, prefix: str, build: Callable[[], _T]) -> _T:
-    """Builds an object; adds file name and key to the messages of its errors."""
+    """Constructs an object from a file's entry; adds file name and key to error messages."""
     try:
         return build()
     except SloshCameraError as error:

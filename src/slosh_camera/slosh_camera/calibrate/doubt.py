@@ -17,7 +17,7 @@ QUANTITIES = 3
 
 
 @dataclass(frozen=True, slots=True)
-class ToldDeviations:
+class GivenDeviations:
     """Standard deviations of the given focal length and container dimensions; 0 means exact.
 
     Attributes:
@@ -41,11 +41,11 @@ class ToldDeviations:
         return self.stddev > 0.0
 
 
-KNOWN = ToldDeviations()
+KNOWN = GivenDeviations()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Told:
+class GivenView:
     """The given camera and container, with their uncertainties.
 
     Attributes:
@@ -56,10 +56,10 @@ class Told:
 
     camera: PinholeCamera
     cup: Cup
-    doubt: ToldDeviations = KNOWN
+    doubt: GivenDeviations = KNOWN
 
     def off_by(self, change: FloatArray) -> tuple[PinholeCamera, Cup]:
-        """Returns camera and container with their given values changed.
+        """Returns camera and container after adding errors to their given values.
 
         Args:
             change: (QUANTITIES,) of the focal length's logarithm, the wall's thickness [m] and

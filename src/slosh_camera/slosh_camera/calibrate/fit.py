@@ -24,7 +24,7 @@ from slosh_camera.calibrate.curves import (
     view_at,
     width_of,
 )
-from slosh_camera.calibrate.doubt import QUANTITIES, Told
+from slosh_camera.calibrate.doubt import QUANTITIES, GivenView
 from slosh_camera.calibrate.edges import EdgeImage
 from slosh_camera.calibrate.pose import CameraPlace
 from slosh_camera.calibrate.tuning import TUNING
@@ -76,7 +76,7 @@ class PlaceFit:
         cup: the container, with the lengths that fit.
         place: the camera's place.
         covariance: (5 + QUANTITIES, 5 + QUANTITIES) of its five numbers and of what was told, in
-            the order and units of CameraPlace and of Told.off_by.
+            the order and units of CameraPlace and of GivenView.off_by.
         tension: how far the curves contradict each other: the square root of the mean square of
             their own errors over what is expected; about 1 where all is as it should be.
         seen: the edges that were fitted.
@@ -114,7 +114,7 @@ class PlaceFit:
 
 def fit_place(
     edges: EdgeImage,
-    told: Told,
+    told: GivenView,
     start: CameraPlace,
     hint: Hint = NO_HINT,
     *,
@@ -136,7 +136,7 @@ def fit_place(
     """
     if rough:
         straight = replace(told.cup, wall_refractive_index=1.0)
-        told = Told(told.camera, straight)
+        told = GivenView(told.camera, straight)
     solved = PlaceSolution(start, np.zeros(QUANTITIES), np.full((_NUMBERS, _NUMBERS), np.nan), 1.0)
     reach = 0.0
     try:
@@ -220,7 +220,7 @@ class _Problem:
     """
 
     def __init__(
-        self, told: Told, start: PlaceSolution, seen: Sequence[SeenCurve], hint: Hint
+        self, told: GivenView, start: PlaceSolution, seen: Sequence[SeenCurve], hint: Hint
     ) -> None:
         view = view_at(*told.off_by(start.change), start.place)
         self._told, self._start = told, start

@@ -15,7 +15,7 @@ from slosh_camera.calibrate.curves import (
     view_at,
     width_of,
 )
-from slosh_camera.calibrate.doubt import KNOWN, QUANTITIES, Told, ToldDeviations
+from slosh_camera.calibrate.doubt import KNOWN, QUANTITIES, GivenDeviations, GivenView
 from slosh_camera.calibrate.edges import EdgeImage, edge_image
 from slosh_camera.calibrate.fit import NO_HINT, Hint, PlaceFit, fit_place
 from slosh_camera.calibrate.level import levels_of
@@ -47,7 +47,7 @@ def calibrate_by_edges(
     cup: Cup,
     azimuth: float = AZIMUTH,
     hint: Hint = NO_HINT,
-    doubt: ToldDeviations = KNOWN,
+    doubt: GivenDeviations = KNOWN,
     distance: float | None = None,
     level: tuple[float, float] | None = None,
 ) -> StillFit:
@@ -76,7 +76,7 @@ def calibrate_by_edges(
         hint = replace(hint, level=_straight_pixel(level, camera))
     if distance is not None:
         hint = hint.with_distance(distance, TUNING.told_distance * distance)
-    task = _Task(straight, pinhole, Told(pinhole, cup, doubt), azimuth, hint, distance)
+    task = _Task(straight, pinhole, GivenView(pinhole, cup, doubt), azimuth, hint, distance)
     # A large picture is most often a photograph, with more edges than a container has.
     answer = _by_outline(task) if _shrink(pinhole) > 1 and not cup.taper else None
     return _for_lens(answer or _by_edges(task), camera, 1)
@@ -88,7 +88,7 @@ class _Task:
 
     image: Image
     camera: PinholeCamera
-    told: Told
+    told: GivenView
     azimuth: float
     hint: Hint
     distance: float | None
@@ -126,7 +126,7 @@ def _by_outline(task: _Task) -> StillFit | None:
 
 
 def _sound(fit: PlaceFit | None, task: _Task) -> StillFit | None:
-    """Returns the result of a fit at a known level, or None if the fit is faulty."""
+    """Returns the result of a fit at a known liquid level, or None if the fit is faulty."""
     if fit is None:
         return None
     answer = still_fit(fit, task.camera, task.azimuth)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.calibrate.curves import AZIMUTH, Curve, view_at
-from slosh_camera.calibrate.doubt import QUANTITIES, Told
+from slosh_camera.calibrate.doubt import QUANTITIES, GivenView
 from slosh_camera.calibrate.fit import PlaceFit
 from slosh_camera.calibrate.pose import CameraPlace
 from slosh_camera.calibrate.tuning import TUNING
@@ -52,7 +52,7 @@ class StillFit:
         place: the camera's place about the container.
         stddev: (8,) standard errors of the place's numbers and of what was told about the focal
             length, the wall's thickness and the fill height, in the order and units of
-            CameraPlace and of Told.off_by; 0 for what was known.
+            CameraPlace and of GivenView.off_by; 0 for what was known.
         residual: rms distance between the liquid's outline and the edges [px].
         residual_height: what the residual of the still level is as a height on the front wall [m].
         height_stddev: largest standard error of a height of -20 to 20 mm on the front and on the
@@ -120,7 +120,7 @@ def _checked(curve: Curve, samples: int, residual: FloatArray) -> CurveCheck:
 
 def _height_stddev(view: CupView, fit: PlaceFit, wall: Wall) -> float:
     """Returns the largest standard deviation of measured heights due to the pose [m]."""
-    told = Told(fit.camera, fit.cup)
+    told = GivenView(fit.camera, fit.cup)
     here = _heights(view, view, wall)
     columns = []
     for step in _STEP * np.eye(len(fit.covariance)):

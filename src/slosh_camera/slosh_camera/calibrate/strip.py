@@ -168,7 +168,7 @@ def rear_above(cup: Cup, place: CameraPlace, height: FloatOrArray) -> FloatOrArr
 def walls_below(
     edges: EdgeImage, view: CupView, heights: FloatArray, start: float, depth: float
 ) -> FloatArray:
-    """Returns for each height the share of a depth below it where both sides are visible."""
+    """Returns for each height the visible fraction of both sides within a depth below it."""
     step = float(heights[1] - heights[0])
     count = min(max(round(depth / step), 1), _MOST_ROWS)
     z = np.concatenate((heights[0] - step * np.arange(count, 0, -1.0), heights)) - start

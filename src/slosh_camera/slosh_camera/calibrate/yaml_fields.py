@@ -9,8 +9,9 @@ from typing import Any
 
 from slosh_base.files.bounded_text import read_text
 from slosh_base.files.errors import TextFileError, YamlError
+from slosh_base.files.file_version import CAMERA, parse_versioned
 from slosh_base.files.nearest import did_you_mean
-from slosh_base.files.yaml_document import LONGEST, YamlDocument, parse_yaml, shown
+from slosh_base.files.yaml_document import LONGEST, YamlDocument, shown
 from slosh_camera.errors import SloshCameraError
 
 
@@ -23,9 +24,9 @@ def read_file(path: str | Path) -> str:
 
 
 def parse_mapping(text: str, source: str) -> YamlDocument:
-    """Parses a YAML text whose value is a mapping."""
+    """Parses a camera's file of any version, whose value is a mapping."""
     try:
-        document = parse_yaml(text, source)
+        document = parse_versioned(text, source, CAMERA)
     except YamlError as error:
         raise SloshCameraError(str(error)) from error
     if not isinstance(document.value, Mapping):

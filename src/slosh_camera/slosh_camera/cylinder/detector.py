@@ -20,7 +20,7 @@ from slosh_camera.cylinder.front_line import FrontLineFinder
 from slosh_camera.cylinder.inclined_wall import on_inclined_wall
 from slosh_camera.cylinder.outer_edges import outer_edges
 from slosh_camera.cylinder.scan_grid import build_scan_grid
-from slosh_camera.cylinder.still_lesson import StillLearner, StillLesson
+from slosh_camera.cylinder.still_reference import StillReference, StillReferenceFinder
 from slosh_camera.cylinder.still_surface import REMEDY
 from slosh_camera.cylinder.surface_choice import SurfaceChooser
 from slosh_camera.cylinder.surface_comparison import ChosenSurface, Sighting
@@ -90,7 +90,7 @@ class FreeSurfaceDetector:
         self._front = FrontLineFinder(
             self._grid, self._wall, self._settings, calibration.view.camera.size
         )
-        self._learner = StillLearner(
+        self._learner = StillReferenceFinder(
             self._view, self._grid, self._wall, self._chooser, self._front, self._edges
         )
         self._know(self._learner.nothing())
@@ -100,12 +100,12 @@ class FreeSurfaceDetector:
     @property
     def still_offset(self) -> float:
         """Offset of the level at rest from the calibrated level, subtracted from heights [m]."""
-        return float(self._view.cup.leaning(self._lesson.zero[0]))
+        return float(self._view.cup.leaning(self._reference.zero[0]))
 
     @property
     def doubt(self) -> str:
         """Describes why the image of the liquid at rest is ambiguous; empty if it is not."""
-        return "" if self._lesson.sure else _DOUBT
+        return "" if self._reference.sure else _DOUBT
 
     def learn_still(self, image: Image) -> float:
         """Uses an image of the liquid at rest as the zero of all heights.
@@ -152,7 +152,7 @@ class FreeSurfaceDetector:
         sighting = self.look(image)
         if not sighting.candidates:
             return Measurement(stamp_ns=stamp_ns, flags=sighting.flags)
-        choice = self._lesson.comparison.choose(sighting, None)
+        choice = self._reference.comparison.choose(sighting, None)
         return self._measurement(stamp_ns, self._found(choice, sighting.steps))
 
     def look(self, image: Image) -> Sighting:
@@ -160,21 +160,21 @@ class FreeSurfaceDetector:
 
         Args and errors are those of `measure`.
         """
-        unrolled, lesson = self._unrolled(image), self._lesson
-        if self._edges.turned(image, lesson.turn) or self._still_edges.missing(image):
+        unrolled, reference = self._unrolled(image), self._reference
+        if self._edges.turned(image, reference.turn) or self._still_edges.missing(image):
             return Sighting(flags=Flag.NOT_FOUND)
-        beside = image if lesson.surrounded else None
+        beside = image if reference.surrounded else None
         lines = (
-            self._front.find(unrolled, body, lesson.stationary, lesson.surface, beside)
-            for body in lesson.bodies
+            self._front.find(unrolled, body, reference.stationary, reference.surface, beside)
+            for body in reference.bodies
         )
         seen = tuple(
-            (view, lesson.bias.removed(points))
+            (view, reference.bias.removed(points))
             for view, points in (found for found in lines if found is not None)
         )
         if not seen:
             return Sighting(flags=self._front.why_none(unrolled))
-        return replace(self._lesson.comparison.sighting(seen), steps=self._seams.steps(image))
+        return replace(self._reference.comparison.sighting(seen), steps=self._seams.steps(image))
 
     def follow(self, stamp_ns: int, sighting: Sighting) -> Measurement:
         """Completes the measurement of an analysed image, using the images before it.
@@ -186,7 +186,7 @@ class FreeSurfaceDetector:
         self._memory.arrive(stamp_ns)
         if not sighting.candidates:
             return Measurement(stamp_ns=stamp_ns, flags=sighting.flags)
-        choice = self._lesson.comparison.choose(sighting, self._memory.expected(stamp_ns))
+        choice = self._reference.comparison.choose(sighting, self._memory.expected(stamp_ns))
         found = self._found(choice, sighting.steps)
         if Flag.NOT_FOUND in found.flags:
             return self._measurement(stamp_ns, found)
@@ -196,20 +196,20 @@ class FreeSurfaceDetector:
             if choice.decided or choice.jumped:
                 found = replace(found, flags=found.flags | Flag.AMBIGUOUS)
             self._memory.remember(
-                stamp_ns, self._lesson.comparison.first(found.fit), fade,
+                stamp_ns, self._reference.comparison.first(found.fit), fade,
                 decided=choice.decided, jumped=choice.jumped,
             )  # fmt: skip
             if self._memory.crest_stands or self._memory.repeats:
                 found = replace(found, flags=found.flags | Flag.AMBIGUOUS)
         return self._measurement(stamp_ns, found)
 
-    def _know(self, lesson: StillLesson) -> None:
+    def _know(self, reference: StillReference) -> None:
         """Stores the data from the image of the liquid at rest and forgets earlier images."""
-        self._lesson = lesson
+        self._reference = reference
         self._memory = SurfaceMemory(self._view.cup.radius, self._view.cup.fill_height)
 
     def _learnt_fade(self, found: _Found) -> tuple[_Found, FadeShare]:
-        """Refits the surface; earlier images tell how much crests fade into the background."""
+        """Refits the surface; earlier images show how much crests fade into the background."""
         fade = self._memory.fade
         if float(np.max(np.abs(found.fit.by_fade))) < TUNING.no_fade:
             return found, fade
@@ -221,16 +221,16 @@ class FreeSurfaceDetector:
     def _found(self, choice: ChosenSurface, steps: Steps) -> _Found:
         """Returns the chosen surface with its flags; NOT_FOUND if the image contradicts it."""
         view, fit = choice.candidate.view, choice.candidate.fit
-        prior = self._lesson.comparison.prior_of(choice.candidate)
+        prior = self._reference.comparison.prior_of(choice.candidate)
         if choice.believed:
             flags = surface_flags(self._wall, view, fit)
-            if self._lesson.comparison.level_has_changed(choice.candidate):
+            if self._reference.comparison.level_has_changed(choice.candidate):
                 flags |= Flag.LEVEL_CHANGED
             # A thing before the container may have edges as sharp, and hides the line.
             if not flags and steps.rows.size and self._is_torn(steps, view, fit):
                 flags |= Flag.AMBIGUOUS
             # Of a surface that is cut off a bound alone is told.
-            sure = (self._lesson.sure and not choice.doubtful) or Flag.SATURATED in flags
+            sure = (self._reference.sure and not choice.doubtful) or Flag.SATURATED in flags
             return _Found(view, fit, prior, flags if sure else flags | Flag.AMBIGUOUS)
         covered = self._wall.covered_border(view.picture)
         flags = Flag.NOT_FOUND | (Flag.SATURATED if covered else Flag.NONE)
@@ -250,7 +250,7 @@ class FreeSurfaceDetector:
     def _measurement(self, stamp_ns: int, found: _Found) -> Measurement:
         lost = Flag.NOT_FOUND in found.flags
         upright = self._lower_bound(stamp_ns, found) if lost else self._read(stamp_ns, found)
-        return on_inclined_wall(upright, self._view.cup, float(self._lesson.zero[0]))
+        return on_inclined_wall(upright, self._view.cup, float(self._reference.zero[0]))
 
     def _lower_bound(self, stamp_ns: int, found: _Found) -> Measurement:
         """Returns a lower bound of the height [m] where the image cuts the surface off."""
@@ -258,7 +258,7 @@ class FreeSurfaceDetector:
         cut = points.bound & (self._wall.first_row > 0)
         if Flag.SATURATED not in found.flags or not np.any(cut):
             return Measurement(stamp_ns=stamp_ns, flags=found.flags)
-        heights = np.where(cut, points.height - points.shapes @ self._lesson.zero, -np.inf)
+        heights = np.where(cut, points.height - points.shapes @ self._reference.zero, -np.inf)
         highest = int(np.argmax(heights))
         place = self._grid.pixel_at(cut, points.place)[np.count_nonzero(cut[:highest])]
         return Measurement(
@@ -273,7 +273,7 @@ class FreeSurfaceDetector:
     def _read(self, stamp_ns: int, found: _Found) -> Measurement:
         cut_off = bool(found.flags & Flag.SATURATED)
         reading = SurfaceReading(
-            found.fit, self._lesson.zero, self._wall.footprint,
+            found.fit, self._reference.zero, self._wall.footprint,
             cut_off=cut_off, shaded=found.view.scatters,
         )  # fmt: skip
         fitted, seen = reading.fitted(), reading.seen()
@@ -307,7 +307,7 @@ class FreeSurfaceDetector:
             edge_pixels=self._pixels(found, reading),
             peak_pixel=self._wall_pixels(
                 highest.azimuth,
-                float(self._view.cup.leaning(highest.height + self._lesson.zero[0])),
+                float(self._view.cup.leaning(highest.height + self._reference.zero[0])),
             ),
             peak_side=self._side(fitted.azimuth),
             level_change=level[0],

@@ -47,7 +47,7 @@ class SurfaceFitter:
             coarse: deviations of a point up to which it counts at first.
         """
         guess = prior.centre if start is None else start
-        about = prior.about(guess, self._wall.radius, front_alone=True)
+        about = prior.conditional(guess, self._wall.radius, front_alone=True)
         return self._solve(points, np.full(self._wall.lines, np.nan), guess, about, coarse)
 
     def refined(
@@ -72,7 +72,7 @@ class SurfaceFitter:
         used = correct(view, points, expected, upper)
         edge = self._upper_edge(view, used, expected, upper, start)
         return self._solve(
-            used, edge, start, prior.about(start, self._wall.radius), coarse, view.softness
+            used, edge, start, prior.conditional(start, self._wall.radius), coarse, view.softness
         )
 
     def again(self, view: Unrolled, fit: SurfaceFit, prior: Prior, fade: FadeShare) -> SurfaceFit:
@@ -84,7 +84,7 @@ class SurfaceFitter:
             prior: of the heights.
             fade: share of the fade that crests show.
         """
-        about = prior.about(fit.heights, self._wall.radius)
+        about = prior.conditional(fit.heights, self._wall.radius)
         return self._solve(
             fit.points, fit.upper_place, fit.heights, about, TUNING.fine, view.softness, fade
         )

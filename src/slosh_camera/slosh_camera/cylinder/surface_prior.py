@@ -47,7 +47,7 @@ class Prior:
             rare=TUNING.rare_at_rest,
         )
 
-    def about(
+    def conditional(
         self, heights: FloatArray, radius: float, *, front_alone: bool = False
     ) -> tuple[FloatArray, FloatArray]:
         """Returns mean and inverse covariance of the mode amplitudes [m], given the first mode's.
@@ -84,6 +84,6 @@ class Prior:
 
     def surprise(self, heights: FloatArray, radius: float) -> float:
         """Returns how improbable mode amplitudes (SHAPES,) [m] are under the prior."""
-        centre, precision = self.about(heights, radius)
+        centre, precision = self.conditional(heights, radius)
         deviation = heights - centre
         return self.rare + TUNING.prior_surprise * float(deviation @ precision @ deviation)

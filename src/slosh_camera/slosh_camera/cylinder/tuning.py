@@ -71,7 +71,7 @@ class CylinderTuning:
     faint: float = number(0.06, "contrast", "largest step that counts as noise")
     stationary_shift: int = number(1, "1", "lines by which the image may be shifted")
     more_marked: float = number(2.0, "1", "ratio at which an edge is not the stationary one")
-    # still_lesson.py
+    # still_reference.py
     first_mode: float = number(0.5, "radius", "standard deviation of the first mode")
     still_tilt: float = number(math.radians(0.25), "rad", "standard deviation of a fitted tilt")
     at_rest: float = number(0.01, "1", "part of the usual heights that remains at rest")

@@ -301,7 +301,7 @@ class LevelChanges:
         seen = f"({len(changes)} of {images} images)"
         if told:
             return (
-                f"the liquid's level is {size} from the fill height that was told {seen}: check "
+                f"the liquid's level is {size} from the fill height that was set {seen}: check "
                 "the fill height, and which container it is"
             )
         return (

@@ -1,4 +1,4 @@
-"""Detector of the camera node that adapts when the robot takes another container."""
+"""Detector of the camera node that adapts when the robot picks up another container."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ class FollowingDetector:
             self._next, self._next_ns = looking, stamp_ns
 
     def _held(self, message: ContainerChange) -> tuple[str, Model | None]:
-        """Returns the name of the camera's place on the tray, and the model of what it holds.
+        """Returns the name of the camera's place on the tray, and the model of its container.
 
         The name is empty where there is no tray, the model None where the place is empty.
 

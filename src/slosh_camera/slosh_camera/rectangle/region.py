@@ -69,7 +69,7 @@ class SideRegion:
 
 
 def find_side_region(view: BoxView, given: RegionOfInterest | None) -> SideRegion:
-    """Determines the region of interest: the projected face within a given rectangle.
+    """Returns the image region of the container's front face, cropped to a given rectangle.
 
     Args:
         view: the container as the camera sees it.

@@ -115,7 +115,7 @@ def round_wall(
 
 
 def _shrinking(view: RoundView) -> float:
-    """Returns the curvature of the resting line on the far half relative to the near half."""
+    """Returns the far half's curvature relative to the near half's, for the line at rest."""
     inner = view.body.size
     return (view.distance - inner) / (view.distance + inner)
 
@@ -127,7 +127,7 @@ def _mixed(values: FloatArray, likely: FloatArray) -> tuple[float, float]:
 
 
 def _functions(angles: FloatArray) -> FloatArray:
-    """Returns constant, sine and cosine of azimuths (N,) and of the doubled azimuths."""
+    """Returns columns 1, sin φ, cos φ, cos 2φ, sin 2φ for azimuths φ (N,)."""
     return np.column_stack(
         (np.ones(angles.size), np.sin(angles), np.cos(angles), np.cos(2 * angles),
          np.sin(2 * angles))

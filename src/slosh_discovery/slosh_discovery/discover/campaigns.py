@@ -58,7 +58,7 @@ class Normal:
 def find_campaigns(
     one: Fit, motions: Sequence[PreparedMotion], temperature: float
 ) -> Campaigns | None:
-    """Finds the likeliest grouping of the motions by measuring set-up; None if all share one.
+    """Finds the likeliest grouping of the motions by sensor set-up; None if they need none.
 
     Args:
         one: the best explanation of all motions together.
@@ -136,7 +136,7 @@ def normal_equations(
 
 
 def _normal(residual: Array, slopes: Array, clocks: Array, temperature: float) -> Normal:
-    """Returns the normal equations with the clock offset projected out as a nuisance parameter."""
+    """Returns the normal equations, with the unknown clock offset eliminated by projection."""
     own = clocks[:, np.any(clocks != 0.0, axis=0)]
     columns = np.column_stack([slopes, residual])
     if own.shape[1]:

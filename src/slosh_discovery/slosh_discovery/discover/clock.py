@@ -23,7 +23,7 @@ def first_offset(one: PreparedMotion, base: Model) -> float:
     if one.motion.same_clock:
         return 0.0
     full = base.spatial().nonlinear()
-    full = full if one.azimuths is not None else full.feeling_gravity()
+    full = full if one.azimuths is not None else full.with_gravity_tilt()
     answer = one.simulate(full) or one.simulate(base)
     if answer is None:
         return float(one.t[0] - one.fine.t[0])
@@ -36,7 +36,7 @@ def first_offset(one: PreparedMotion, base: Model) -> float:
 
 
 def slipped_offsets(one: Fit, motions: Sequence[PreparedMotion]) -> list[float] | None:
-    """Returns clock offsets [s] that fit better than a wrong local minimum; None if none do.
+    """Returns clock offsets [s] that fit better than a fit's wrong local minimum; else None.
 
     Heights that sway make many offsets look nearly right, one each half period. With the fitted
     explanation all of them are tried; None: the fit's own are the best.

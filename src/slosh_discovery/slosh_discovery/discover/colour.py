@@ -136,7 +136,7 @@ class Whitening:
         return score, root
 
     def undone(self, white: Array) -> Array:
-        """Returns the values (N,) [m] that belong to whitened values: the inverse of `applied`."""
+        """Converts whitened values back to values (N,) [m]; the inverse of `applied`."""
         surprise = self.spread * white
         brought = self.memory * (self.gain * surprise)[self.before]
         order = _series_order(self.before) if self.order is None else self.order
@@ -149,7 +149,7 @@ class Whitening:
 
 
 def _recursion(order: Places, shares: Array, brought: Array) -> Array:
-    """Solves x[i] = shares[i] x[before[i]] + brought[i]; shares are 0 where a series starts."""
+    """Computes the recursion x[i] = shares[i] x[before[i]] + brought[i] along every series."""
     bands = np.ones((2, len(order)))
     bands[1, :-1] = -shares[order][1:]
     solved = np.empty_like(brought)
@@ -164,7 +164,7 @@ def _rows(factors: Array, values: Array) -> Array:
 def _gains(
     before: Places, memory: Array, variance: float, forgotten: Array
 ) -> tuple[Array, Array]:
-    """Computes the gain and the innovation's standard deviation of the filter for each sample."""
+    """Computes the Kalman gain and the innovation's standard deviation for each sample."""
     gains: list[float] = []
     spreads: list[float] = []
     left: list[float] = []
@@ -181,7 +181,7 @@ def _gains(
 
 
 def _series_order(before: Places) -> Places:
-    """Returns an order of samples in which each follows its predecessor."""
+    """Returns the order of samples in which each follows its predecessor in time."""
     if np.array_equal(before, np.arange(-1, len(before) - 1)):
         return np.arange(len(before))
     series: list[int] = []
@@ -196,7 +196,7 @@ def _series_order(before: Places) -> Places:
 
 
 def neighbours_in(t: Array, kept: NDArray[np.bool_]) -> Neighbours:
-    """Finds the preceding sample of each height that is used from one motion.
+    """Finds the preceding sample of each used height of one motion.
 
     Args:
         t: (M,) times of the heights [s].

@@ -119,7 +119,7 @@ def _blur(motion: PreparedMotion, liquid: Array, driven: Array) -> Array | None:
 
 
 def answer_columns(t: Array, frequency: float, damping: float, tolerated: float) -> Array:
-    """Returns a matrix L, one row per time, so that L Lᵀ approximates the response's covariance.
+    """Returns a low-rank factor L, one row per time: L Lᵀ is nearly the response's covariance.
 
     By the Cholesky decomposition with pivots: the largest variance that is left comes next.
 

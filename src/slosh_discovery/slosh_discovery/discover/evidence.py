@@ -84,14 +84,14 @@ def log_prior(fit: Fit) -> float:
 
 
 def temperature_of(fit: Fit, motions: Sequence[PreparedMotion]) -> float:
-    """Returns χ² per sample of a fit times the correlation length of the residual."""
+    """Returns the variance of a fit's residual [noise²] times its correlation length."""
     return residual_temperature(fit.residual, len(fit.vector), motions)
 
 
 def residual_temperature(
     residual: Array, parameters: int, motions: Sequence[PreparedMotion]
 ) -> float:
-    """Returns χ² per sample of a residual times its correlation length; see `evidence`."""
+    """Returns the variance of a residual [noise²] times its correlation length; see `evidence`."""
     count = len(residual) - parameters
     series = residual_series(residual, motions)
     together = correlation_length(series) * columns_together(series)
@@ -151,7 +151,7 @@ def probabilities(log_evidences: Sequence[float]) -> Array:
 
 
 def standard_errors(fit: Fit, temperature: float) -> Array:
-    """Returns standard errors (P,) of the free parameters; the prior bounds them from above."""
+    """Returns standard errors (P,) of the free parameters, at most the prior's deviations."""
     spreads = fit.explanation.spreads
     information = fit.information * np.outer(spreads, spreads) / temperature
     information += np.eye(len(spreads))

@@ -133,7 +133,7 @@ class HeightGap:
 
     @property
     def closed(self) -> float:
-        """Share of the error that is removed on held-out motions, or else on fitted ones."""
+        """Fraction of the error that is removed, on held-out motions or else on fitted ones."""
         held_out = math.isfinite(self.holdout_before)
         return self.holdout_closed if held_out else self.fit_closed
 
@@ -212,7 +212,7 @@ class MotionFinding:
 
 @dataclass(frozen=True, slots=True)
 class WhereRow:
-    """Residuals before and after the discovery in one part of the data.
+    """Residuals before and after the discovery in one part of the data, such as a time range.
 
     Attributes:
         by: "phase", "time", "amplitude", "direction", "frequency" or "input".

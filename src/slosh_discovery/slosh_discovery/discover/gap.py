@@ -1,4 +1,4 @@
-"""Computes the error of modelled heights, and the share of it that another model removes."""
+"""Computes the error of modelled heights, and the fraction of it that another model removes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NAN = float("nan")
 
 
 def closed_share(before: float, after: float, noise: float, samples: int) -> float:
-    """Computes the removed share of an error, 1 - (after² - noise²)/(before² - noise²).
+    """Computes the removed fraction of an error, 1 - (after² - noise²)/(before² - noise²).
 
     Every output that tells a closed share has it from here.
 
@@ -67,7 +67,7 @@ def is_worse(gap: HeightGap) -> bool:
 
 
 def _closed(cases: Sequence[MotionFinding]) -> tuple[float, float, float]:
-    """Returns the rms errors before and after a discovery [m], and the share that it removed."""
+    """Returns the rms errors before and after a discovery [m], and the removed fraction."""
     before = _pooled([case.before.rms for case in cases], cases)
     after = _pooled([case.after.rms for case in cases], cases)
     noise = _pooled([case.noise for case in cases], cases)

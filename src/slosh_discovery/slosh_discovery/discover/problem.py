@@ -67,15 +67,15 @@ class SharedNoise:
         return cls(np.ascontiguousarray(directions[:, matters]), sizes[matters] ** 2)
 
     def removed(self, values: Array) -> Array:
-        """Whitens this noise to unit variance in one series, or in each column of an array."""
+        """Whitens correlated noise to unit variance, in one series or each column of an array."""
         return self._scaled(values, 1.0 / np.sqrt(1.0 + self.variances) - 1.0)
 
     def added(self, white: Array) -> Array:
-        """Returns the values that belong to whitened ones: the inverse of `removed`."""
+        """Converts whitened values back; the inverse of `removed`."""
         return self._scaled(white, np.sqrt(1.0 + self.variances) - 1.0)
 
     def expected(self, values: Array) -> Array:
-        """Returns the expected correlated part (N,) of noisy values."""
+        """Returns the probable correlated noise (N,) in values that also have white noise."""
         share = self.variances / (1.0 + self.variances)
         return np.asarray(self.directions @ (share * (self.directions.T @ values)))
 
@@ -171,7 +171,7 @@ class PreparedMotion:
 
     @property
     def slow_share(self) -> float:
-        """Share of the noise variance, without input noise, that is correlated between samples."""
+        """Fraction of the noise variance, other than of the inputs, that is correlated in time."""
         blurred = 0.0
         if self.blur is not None:
             blur = self.blur[self.kept]
@@ -186,7 +186,7 @@ class PreparedMotion:
         return float(np.sqrt(np.mean(np.sum(self.driven[self.kept] ** 2, axis=1))))
 
     def in_metres(self, residual: Array) -> Array:
-        """Returns differences (N,) [m] from whitened ones: the inverse of `in_noises`."""
+        """Converts whitened differences back to (N,) [m]; the inverse of `in_noises`."""
         return self._undone(residual if self._shared is None else self._shared.added(residual))
 
     def _undone(self, white: Array) -> Array:
@@ -194,7 +194,7 @@ class PreparedMotion:
         return np.asarray(relative * self._scale)
 
     def laid(self, values: Array) -> Array:
-        """Returns values of the used heights as an array (times, azimuths), NaN elsewhere."""
+        """Returns the values as an array (times, azimuths), with NaN for the unused heights."""
         laid = np.full(self.kept.shape, np.nan)
         laid[self.kept] = values
         return laid
@@ -204,7 +204,7 @@ class PreparedMotion:
         return simulate_all([(model, self)])[0]
 
     def inputs_for(self, model: Model) -> Inputs:
-        """Returns the inputs, coarse or fine, with which the model's response is computed."""
+        """Returns the coarse or the fine inputs, whichever the model's response must use."""
         shifted = not (self.motion.same_clock and reading_clock(model).same)
         return self.fine if shifted else self.coarse
 
@@ -263,7 +263,7 @@ class Answer:
 
 
 def simulate_all(pairs: Sequence[tuple[Model, PreparedMotion]]) -> list[Answer | None]:
-    """Returns the response of each model to its motion."""
+    """Simulates pairs of model and motion; returns the response of each pair."""
     if not pairs:
         return []
     inputs = [motion.inputs_for(model) for model, motion in pairs]

@@ -237,7 +237,7 @@ def _fitted(
 
 
 def _foreseen(residuals: Sequence[Array], slopes: Sequence[Array]) -> float:
-    """Returns the sum of squares that linearised cross-validation predicts."""
+    """Returns the sum of squared residuals that linearised cross-validation predicts."""
     if len(residuals) == 1:
         residuals = np.array_split(residuals[0], FOLDS)
         slopes = np.array_split(slopes[0], FOLDS)

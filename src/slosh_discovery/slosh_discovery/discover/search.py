@@ -102,7 +102,7 @@ class Leftover:
 
     @property
     def adequate(self) -> bool:
-        """Whether the residual is nearly noise, or not significantly larger than noise."""
+        """Whether the residual is small enough to be explained by noise."""
         return self.mean_square < max(self.tolerated, TUNING.sure * self.stddev)
 
 
@@ -182,7 +182,7 @@ class Search:
                 self._extend(pool, one, TUNING.promising, 1)
 
     def _add_foretold(self, pool: Pool) -> None:
-        """Extends the best candidate models by effects whose size theory predicts."""
+        """Extends the best candidate models by effects whose size is predicted by theory."""
         for size in range(TUNING.most_effects, TUNING.most_foretold):
             best = pool.ranked()[: TUNING.beam_foretold]
             full = [one for one in best if len(one.explanation.effects) == size]
@@ -261,7 +261,7 @@ class Search:
 
     @staticmethod
     def _ways(explanation: Explanation, name: str) -> tuple[bool, ...]:
-        """Returns whether an effect is tried with parameters shared by all groups, or separate."""
+        """Returns which sharings of an effect's parameters to try: between all groups, or none."""
         return (False, True) if _may_differ(explanation, name) else (False,)
 
     def _may_join(self, name: str, explanation: Explanation) -> bool:
@@ -318,12 +318,12 @@ def _carried(one: Fit) -> Part:
 
 
 def _joined(carried: Part, name: str, values: Mapping[str, float]) -> Part:
-    """Returns a function of effect and group that also knows one more effect's parameters."""
+    """Returns a function of effect and group that also contains one more effect's parameters."""
     return lambda effect, group: values if effect == name else carried(effect, group)
 
 
 def _neighbours(explanation: Explanation) -> list[Explanation]:
-    """Returns candidate models with one effect less, or with other sharing between groups."""
+    """Returns candidate models with one effect less, or whose groups share other parameters."""
     apart = [
         replace(explanation, per_group=tuple(sorted((*explanation.per_group, name))))
         for name in explanation.effects
@@ -339,7 +339,7 @@ def _may_differ(explanation: Explanation, name: str) -> bool:
 
 
 def _promise(one: Fit, change: Array) -> float:
-    """Returns the χ² that the linearised fit predicts; smaller is better.
+    """Returns the χ² that a linearised fit with one more effect predicts; smaller is better.
 
     Once with the change as it is (an effect may be far from small), once with a share of it.
     """

@@ -118,7 +118,7 @@ class _Part:
 
 @dataclass(frozen=True, slots=True)
 class _Shape:
-    """Correlation and jitter ratio of a noise, independent of its size.
+    """Autocorrelation of a noise, and the ratio of its part from time jitter to the rest.
 
     Attributes:
         correlation: of the part that remembers, between neighbouring samples.
@@ -129,7 +129,7 @@ class _Shape:
     ratio: float
 
     def near(self, other: _Shape) -> bool:
-        """Returns whether both noises have practically the same correlation and jitter ratio."""
+        """Returns whether two noises have practically the same correlation and jitter ratio."""
         sizes = math.sqrt(self.ratio), math.sqrt(other.ratio)
         return abs(self.correlation - other.correlation) < TUNING.steady and (
             abs(sizes[0] - sizes[1]) <= TUNING.steady * max(sizes)
@@ -183,7 +183,7 @@ def _slow_part(size: float, shape: _Shape) -> float:
 
 
 def _spikes(parts: Sequence[_Part]) -> float:
-    """Returns the share of samples that are far from their neighbours, without using a model."""
+    """Returns the fraction of samples that are far from their neighbours in time."""
     off = np.abs(np.concatenate([_deviations(part, _SMOOTH) for part in parts]))
     return float(np.mean(off > TUNING.spike * robust_scale(off)))
 
@@ -214,7 +214,7 @@ def alike(one: SensorNoise | None, other: SensorNoise | None) -> bool:
 
 
 def dressed(one: Leftovers, sensor: SensorNoise) -> PreparedMotion:
-    """Returns the motion with a sensor's noise model, and without outliers."""
+    """Returns the motion without outliers, with the estimated noise model of its sensor."""
     motion = one.motion
     kept = np.isfinite(motion.heights)
     shape = _Shape(sensor.correlation, (sensor.jitter / sensor.stddev) ** 2)
@@ -307,7 +307,7 @@ def _whitening(part: _Part, shape: _Shape) -> Whitening:
 
 
 def _likelihood(parts: Sequence[_Part], shape: _Shape) -> tuple[float, float]:
-    """Returns the log likelihood and the most probable standard deviation [m] of a noise."""
+    """Returns the log likelihood of a noise shape, and its most probable size [m]."""
     square, volume = 0.0, 0.0
     for part in parts:
         whitening = _whitening(part, shape)
@@ -317,7 +317,7 @@ def _likelihood(parts: Sequence[_Part], shape: _Shape) -> tuple[float, float]:
 
 
 def _likelihood_above(parts: Sequence[_Part], shape: _Shape) -> tuple[float, float]:
-    """Returns a noise's log likelihood and likeliest size [m] above the liquid's frequencies."""
+    """Returns log likelihood and size [m] of the noise above the liquid's frequencies."""
     degrees, square, volume = 0, 0.0, 0.0
     for part in parts:
         whitening = _whitening(part, shape)

@@ -136,7 +136,7 @@ def text_of(motion: CandidateMotion) -> str:
 
 
 def _amplitude(motion: CandidateMotion, position: Array, acceleration: Array) -> float:
-    """Returns the factor of a motion at which acceleration and travel reach their limits."""
+    """Returns the factor that scales a motion up to its limits of acceleration and travel."""
     peak = float(np.linalg.norm(acceleration, axis=1).max())
     extent = float(np.linalg.norm(np.ptp(position, axis=0)))
     if peak <= 0.0:

@@ -179,7 +179,7 @@ def _verdict(likely: float, before: Leftover, after: Leftover) -> tuple[Verdict,
 
 
 def _worthy(fits: Sequence[Fit], pool: Pool, share: float) -> list[Fit]:
-    """Returns the fits in which every effect removes more than a share of the error.
+    """Returns the fits in which every effect removes more than a minimum fraction of the error.
 
     Nor could any be the same for all groups where it is fitted for each.
     """
@@ -233,7 +233,7 @@ def _without_mean(heights: Array) -> Array:
 
 
 def trust_in(before: Leftover, after: Leftover) -> float:
-    """Returns the probability that a listed physical effect is the cause, from the error left.
+    """Returns the probability that a listed effect is the cause, given the remaining error.
 
     Also where what is left is little beside the noise: of a small gap it may be a large part, and
     a law that is nearly the right one leaves no more.
@@ -309,7 +309,7 @@ def other_frequency(base: Fit, motions: Sequence[PreparedMotion]) -> OtherFreque
 
 
 def _unlike(base: Fit, motions: Sequence[PreparedMotion], factor: float) -> float:
-    """Returns the share of the heights' power that waves of a scaled frequency do not explain."""
+    """Returns the fraction of the heights' power unexplained with a scaled natural frequency."""
     models = [
         base.model_of(one.motion.group).with_effect(EFFECT, factor=factor) for one in motions
     ]

@@ -21,7 +21,7 @@ LEAST = 5
 
 
 class Still(NamedTuple):
-    """Level of the still surface and the noise of the heights there [m]."""
+    """Level of the surface at rest, and the noise of the heights then [m]."""
 
     level: float
     noise: float

@@ -126,7 +126,7 @@ def day_motions(
 
 
 def _is_of_event(path: Path) -> bool:
-    """Returns whether a path is a bag that the recorder wrote around an event; it may be cut."""
+    """Returns whether a path is an event bag, which may begin or end within a motion."""
     if has_event_name(path) or has_event_name(path.parent):
         return True
     try:
@@ -136,7 +136,7 @@ def _is_of_event(path: Path) -> bool:
 
 
 def _once(motions: Sequence[DayMotion]) -> list[DayMotion]:
-    """Returns the motions without those that another event bag contains at least as completely."""
+    """Returns the motions, each once; of copies in several event bags the longest."""
     kept: list[DayMotion] = []
     for entry in sorted(motions, key=lambda entry: -_length(entry)):
         if entry.span_ns is None or not any(_overlap(entry, other) for other in kept):
@@ -309,9 +309,9 @@ def motion_of_table(
     check_span(path, table.t)
     gaps = gap_text(table.t, model) if model is not None else ""
     if gaps:
-        tell(InputDoubt(gaps).about(path))
+        tell(InputDoubt(gaps).of_file(path))
     for doubt in motion_doubts(table.t, table.acceleration, table.attitude):
-        tell(doubt.about(path))
+        tell(doubt.of_file(path))
     sampled, walls = _sampled(table.msh), _sampled(table.eta)
     if table.msh is None and table.eta is None and table.profile is None:
         raise SloshDiscoveryError(

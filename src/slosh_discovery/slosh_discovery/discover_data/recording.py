@@ -123,7 +123,7 @@ def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) 
         raise SloshBagError(f"{path}: holds no usable height in {sources.surface}")
     motion = container.motion(path)
     for doubt in container.doubts:
-        tell(doubt.about(path))
+        tell(doubt.of_file(path))
     for line in (*reader.warnings, *left_out):
         tell(line if line.startswith(str(path)) else f"{path}: {line}")
     return BagRecording(
@@ -207,7 +207,7 @@ class _Comparisons:
         self._parts.append(Residuals(stamps_of(columns)[kept], values[kept]))
 
     def residuals(self) -> Residuals:
-        """Returns the height residuals of all complete comparisons [m]."""
+        """Returns the residuals [m] of all comparisons that have both heights."""
         if not self._parts:
             return Residuals(np.empty(0, dtype=np.int64), np.empty(0))
         stamps, values = (np.concatenate(column) for column in zip(*self._parts, strict=True))

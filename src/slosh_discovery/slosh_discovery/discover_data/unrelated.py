@@ -129,14 +129,14 @@ def _offset(
     t: Array, motion: RecordedMotion, measured_t: Array, height: Array, model: Model | None
 ) -> tuple[float, str]:
     """Returns the clock offset, heights minus motion [s], and the method that found it."""
-    felt = felt_acceleration(motion)
+    apparent = apparent_acceleration(motion)
     moving = recorded_spans(motion)
     origin = int(motion.stamps[0])
     first, last = ((ns - origin) / SECOND for ns in (moving[0].start_ns, moving[-1].end_ns))
     over = (t >= first) & (t <= last)
     try:
         if model is not None:
-            predicted = simulate(model, Inputs(t, felt))[0].msh
+            predicted = simulate(model, Inputs(t, apparent))[0].msh
             still = find_still_level(measured_t, height)
             centre = onset_offset(measured_t, height, t, predicted, still)
             found = estimate_clock_offset(
@@ -144,18 +144,18 @@ def _offset(
             )
             return found.offset, f"by the model {model.name}"
         still = find_still_level(measured_t, height)
-        size = np.hypot(felt[:, 0], felt[:, 1])
+        size = np.hypot(apparent[:, 0], apparent[:, 1])
         return onset_offset(measured_t, height, t, size, still), "by the onset of the motion"
     except (SloshModelError, SloshReportError):
-        return _peak_offset(t, felt, measured_t, height), "by the peaks"
+        return _peak_offset(t, apparent, measured_t, height), "by the peaks"
 
 
-def _peak_offset(t: Array, felt: Array, measured_t: Array, height: Array) -> float:
+def _peak_offset(t: Array, apparent: Array, measured_t: Array, height: Array) -> float:
     peak = int(np.nanargmax(despike(height)))
-    return float(measured_t[peak] - t[int(np.argmax(np.hypot(felt[:, 0], felt[:, 1])))])
+    return float(measured_t[peak] - t[int(np.argmax(np.hypot(apparent[:, 0], apparent[:, 1])))])
 
 
-def felt_acceleration(motion: RecordedMotion) -> Array:
+def apparent_acceleration(motion: RecordedMotion) -> Array:
     """Returns the exciting acceleration (N, 3) [m/s²], with gravity's part along a tilted floor.
 
     Rz(ψ) Rᵀ (a + g ẑ) - g ẑ in axes that do not follow the yaw ψ. Only the offset is found by it:

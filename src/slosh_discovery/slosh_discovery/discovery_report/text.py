@@ -159,7 +159,7 @@ def _where(finding: Finding) -> list[str]:
 
 
 def worst_parts(rows: Sequence[WhereRow]) -> Iterator[WhereRow]:
-    """Yields, for each criterion (time, phase, …), the row with the largest share of error."""
+    """Yields, for each criterion (time, phase, …), the row with the largest part of the error."""
     for by in dict.fromkeys(row.by for row in rows):
         group = [row for row in rows if row.by == by]
         index = largest_share(row.before if by == "input" else row.share for row in group)

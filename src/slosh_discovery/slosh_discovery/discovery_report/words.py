@@ -265,7 +265,7 @@ def highest(values: Array, measured: Array) -> Array:
 
 
 def largest_share(shares: Iterable[float]) -> int | None:
-    """Returns the index of the largest known share, or None if none is known."""
+    """Returns the index of the largest known fraction, or None if none is known."""
     known = [(share, -index) for index, share in enumerate(shares) if math.isfinite(share)]
     return -max(known)[1] if known else None
 

@@ -28,7 +28,7 @@ STEP = 1e-4
 
 
 class Linear(NamedTuple):
-    """Linear fit of masses and sensor zeros for given nonlinear parameters.
+    """Linear least-squares fit of masses and sensor offsets, for given nonlinear parameters.
 
     Attributes:
         basis: (n, k, 2 + k L) unweighted columns: M, m₁, then each direction's zero.
@@ -86,7 +86,7 @@ class ForceProblem:
         return self.data.below_cutoff(force)
 
     def basis(self, liquid: Array, rigid: Array, delay: float) -> Array:
-        """Returns the columns of the linear fit by sample and measured direction; see `Linear`."""
+        """Returns the linear fit's columns by sample and direction of motion; see `Linear`."""
         data, k = self.data, self.across.shape[1]
         parts = [data.at(values @ self.across, delay) for values in (rigid, liquid)]
         zeros = data.offsets.shape[1]
@@ -98,7 +98,7 @@ class ForceProblem:
         return basis
 
     def linear(self, basis: Array) -> Linear:
-        """Fits masses and sensor zeros to the measured force, given the columns of `basis`."""
+        """Fits masses and sensor offsets to the measured force, given the columns of `basis`."""
         measured = self.data.force @ self.sensor
         weighted = (basis * self.weights[:, :, None]).reshape(-1, basis.shape[2])
         wanted = (measured * self.weights).ravel()
@@ -110,7 +110,7 @@ class ForceProblem:
         return self.linear(self.basis(self.liquid(vector), rigid, float(vector[2])))
 
     def residuals(self, vector: Array, rigid: Array) -> Array:
-        """Returns the residuals of the least squares: weighted force, and the prior of α."""
+        """Returns the least-squares residuals: weighted force errors, and the prior error of α."""
         found = (self.solved(vector, rigid).residual * self.weights).ravel()
         if self.stiffness is None:
             return found

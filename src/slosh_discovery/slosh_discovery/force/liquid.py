@@ -38,7 +38,7 @@ def liquid_model(model: Model) -> Model:
 
 
 def modal_force(model: Model, inputs: Inputs, values: dict[str, float]) -> Array | None:
-    """Returns Σ (mₙ/m₁) ẍₙ (N, 3) [m/s²] in the container's axes, or None if impossible.
+    """Returns the modes' acceleration Σ (mₙ/m₁) ẍₙ (N, 3) [m/s²]; None if it is impossible.
 
     Args:
         model: the model.
@@ -56,7 +56,7 @@ def modal_force(model: Model, inputs: Inputs, values: dict[str, float]) -> Array
 
 
 def response_force(model: Model, inputs: Inputs, response: Response) -> Array:
-    """Returns Σ (mₙ/m₁) ẍₙ (N, 3) of a simulated response, in the container's axes [m/s²]."""
+    """Returns the modes' acceleration Σ (mₙ/m₁) ẍₙ (N, 3) [m/s²] of a simulated response."""
     container, first = model.container, model.container.mass_ratio(1, X_AXIS)
     step = float(inputs.t[1] - inputs.t[0])
     speed = np.zeros((len(inputs.t), 2))

@@ -54,7 +54,7 @@ class PreparedForce:
         return np.asarray(sosfiltfilt(self.band, values, axis=0), dtype=np.float64)
 
     def at(self, values: Array, delay: float) -> Array:
-        """Returns values at the fitted times, delayed by the sensor's delay [s]."""
+        """Interpolates values at the fitted times minus the sensor's delay [s]."""
         t = self.inputs.t
         wanted = t[self.rows] - delay
         return np.column_stack([np.interp(wanted, t, column) for column in values.T])
@@ -149,7 +149,7 @@ def _continuous(attitude: Array) -> Array:
 
 
 def _levelled(attitude: Array) -> Array:
-    """Returns attitudes (N, 4) relative to the first one."""
+    """Returns attitudes (N, 4) relative to the first attitude."""
     x0, y0, z0, w0 = -attitude[0, 0], -attitude[0, 1], -attitude[0, 2], attitude[0, 3]
     x, y, z, w = attitude.T
     return np.column_stack([
@@ -198,7 +198,7 @@ def _moving(name: str, drive: Array) -> Mask:
 
 
 def _offsets(moving: Mask) -> Array:
-    """Returns columns of sensor offsets: a constant, a drift, and a ramp for each motion."""
+    """Returns columns that model sensor offsets: constant, drift, and a ramp for each motion."""
     count = len(moving)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], moving.astype(np.int8), [0]])))
     columns = [np.ones(count), np.linspace(-1.0, 1.0, count)]

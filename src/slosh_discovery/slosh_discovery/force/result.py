@@ -12,7 +12,7 @@ from slosh_estimator.sensed.payload import UNITS
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """An identified number and its standard error.
+    """An identified number, its standard error, and the model's value of it.
 
     Attributes:
         value: in SI units.

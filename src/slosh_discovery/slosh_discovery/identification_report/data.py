@@ -26,7 +26,7 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Beside:
-    """An earlier identification that is shown for comparison.
+    """Result of an earlier identification, which is shown beside the new one.
 
     Attributes:
         name: for people; its folder.

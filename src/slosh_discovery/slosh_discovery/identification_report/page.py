@@ -109,7 +109,7 @@ def drawn_motions(motions: Sequence[FittedMotion]) -> list[int]:
 
 
 def _noise_of(found: Identification, motion: FittedMotion) -> IdentifiedModel:
-    """Returns the identified model whose noise is shown with a motion."""
+    """Returns the identified model of a motion's operating point, else that of all motions."""
     own = [one for one in found.single if one.label == motion.point]
     return own[0] if own else found.overall
 

@@ -16,7 +16,7 @@ from slosh_metrics.surface_metrics import effective_difference, effective_height
 def dwell_vibration(
     motions: Sequence[MeasuredMotion], shown: Sequence[FittedMotion], half_width: float
 ) -> tuple[DwellVibration, ...]:
-    """Returns the residual vibration at each operating point, from motions with profiles.
+    """Returns the residual vibration at each operating point, from measured surface profiles.
 
     Args:
         motions: as measured.

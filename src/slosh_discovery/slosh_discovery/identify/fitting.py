@@ -144,7 +144,7 @@ def information(problem: Problem, vector: Array, colour: Colour) -> Array:
 
 
 def shared_information(full: Array, count: int) -> Array:
-    """Returns the parameters' information (P, P) as Schur complement of the nuisance part."""
+    """Eliminates nuisance parameters from an information matrix; returns (P, P) for the others."""
     own = full[count:, count:]
     mixed = full[:count, count:]
     shared: Array = full[:count, :count] - mixed @ np.linalg.pinv(own, SINGULAR, True) @ mixed.T
@@ -230,7 +230,7 @@ def _lags(colour: Colour, frames: int) -> int:
 
 
 def _spread(scores: Array, lags: int) -> Array:
-    """Returns the covariance of the summed scores, with Bartlett weights for lags."""
+    """Returns the covariance of summed, autocorrelated scores, with Bartlett weights."""
     spread = scores.T @ scores
     for lag in range(1, min(lags, len(scores) - 1) + 1):
         together = scores[lag:].T @ scores[:-lag]
@@ -242,7 +242,7 @@ def _spread(scores: Array, lags: int) -> Array:
 
 
 def _scatter(problem: Problem, scores: Array, inverse: Array, covariance: Array) -> float:
-    """Returns the scatter of parameters between motions relative to that by noise; at least 1.
+    """Returns the parameters' scatter between motions divided by the expected one; at least 1.
 
     Each motion's score says where it would draw the parameters; their scatter is compared with
     the covariance, the parameters taken together.

@@ -23,7 +23,7 @@ DAMPINGS = (1.0, 3.0, 8.0)
 
 
 def scanned_start(problem: Problem) -> Array:
-    """Returns initial parameters (P,) with the natural frequency and damping that fit best."""
+    """Returns initial parameters (P,) with the best natural frequency and damping of a grid."""
     starts = problem.starts
     names = [parameter.name for parameter in problem.parameters]
     if FREQUENCY not in names:
@@ -50,7 +50,7 @@ def scanned_start(problem: Problem) -> Array:
 
 
 def _distinct(problem: Problem) -> tuple[Trial, ...]:
-    """Returns some of the longest trials at different operating points."""
+    """Returns the longest trials, at most one for each operating point."""
     firsts = {trial.point: trial for trial in reversed(problem.trials)}
     longest = sorted(firsts.values(), key=lambda trial: -float(np.ptp(trial.prepared.t)))
     return tuple(longest[: TUNING.scan_trials])

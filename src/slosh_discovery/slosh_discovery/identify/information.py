@@ -121,7 +121,7 @@ def _with_help(
 def _candidates(
     problem: Problem, vector: Array, colour: Colour
 ) -> Iterator[tuple[CandidateMotion, Inputs, Array]]:
-    """Yields motions with the information (P, P) that each would add."""
+    """Yields candidate motions with the information matrix (P, P) that each would add."""
     model = problem.model_at(vector)
     if model is None:
         return
@@ -138,7 +138,7 @@ def _candidates(
 
 
 def _answers_change(problem: Problem, vector: Array, inputs: Inputs) -> Array | None:
-    """Returns height changes [m] per prior width of each parameter; None if unsolvable."""
+    """Returns changes of heights [m] per parameter, each varied by its prior width; or None."""
     azimuths = problem.trials[0].prepared.azimuths
     columns = []
     for place, parameter in enumerate(problem.parameters):

@@ -123,7 +123,7 @@ def _effect_parameter(model: Model, name: str) -> FreeParameter:
 
 
 def _values(model: Model, effect: str) -> dict[str, float]:
-    """Returns a modelled effect's parameters, or values that make it practically ineffective."""
+    """Returns the parameters of an effect of the model, nearly neutral ones if it has none."""
     for use in model.effects:
         if use.name == effect:
             return dict(use.parameters)

@@ -174,7 +174,7 @@ class Problem:
         return moved
 
     def _from_rest(self, models: Sequence[Model | None]) -> list[dict[int, Array]]:
-        """Returns the liquid's heights of each model from rest, by the `id` of its inputs."""
+        """Simulates each model from rest; returns the liquid's heights by the inputs' `id`."""
         pairs: list[tuple[int, Inputs]] = []
         for number, model in enumerate(models):
             if model is not None:
@@ -219,7 +219,7 @@ class Problem:
 
 
 def state_basis(prepared: PreparedMotion) -> Array:
-    """Returns a basis, as columns, of a mode's observable states: x, y, velocities / ω [m].
+    """Returns a basis, one column per observable state of a mode: x, y, velocities / ω [m].
 
     Heights along one line tell of the state along it; the maximum over the wall does not tell how
     the path is turned, and it is turned so that it begins on the x axis.

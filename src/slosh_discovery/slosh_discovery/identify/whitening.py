@@ -17,7 +17,7 @@ from slosh_discovery.identify.trials import neighbours_of
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Driven:
-    """Effect of the inputs' noise on a trial's heights.
+    """Effect of input noise on the heights of a motion that is being fitted.
 
     Attributes:
         rows: of the trial in the residual of all.

@@ -297,7 +297,7 @@ def _answered(model: Model, trial: Trial) -> FittedVector:
 
 
 def _heights_and_clock(estimate: FittedVector, trial: Trial) -> tuple[Array, float]:
-    """Returns modelled heights [m] as measured (clock, zero level), and the clock's offset [s]."""
+    """Returns modelled heights [m] at the measurement's zero level, and its clock offset [s]."""
     problem = estimate.problem
     place = problem.trials.index(trial)
     heights = problem.predicted([estimate.vector])[0][place]

@@ -1,4 +1,4 @@
-"""Cameras of containers behind a tray's first, in the monitor node."""
+"""Monitors of a tray's containers other than the first, each with its own camera."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class ContainerCameras:
             )  # fmt: skip
 
     def carry(self, tray: Tray | None, stamp_ns: int, settings: MonitorSettings) -> None:
-        """Follows the containers of the tray from a stamp [ns] on; None: there is no tray."""
+        """Replaces the containers of the tray from a stamp [ns] on; None if there is no tray."""
         self._complaint = ""
         for name in self._names:
             try:
@@ -106,7 +106,7 @@ class ContainerCameras:
             camera.monitor.core.reset_accuracy()
 
     def add_tray(self, message: TrayEstimate) -> None:
-        """Adds the estimates of the tray's containers."""
+        """Compares a tray's estimates with the cameras' heights and publishes the comparisons."""
         self._counts[topics.TRAY_ESTIMATE] += 1
         for camera in self._cameras.values():
             monitor = camera.monitor
@@ -134,7 +134,7 @@ class ContainerCameras:
             self._announce(event, name)
 
     def health(self, first: Health) -> Health:
-        """Returns the worst of the first camera's health and that of the further ones."""
+        """Returns the worst health among all cameras, of which the first one's is given."""
         found = [first]
         for name, camera in self._cameras.items():
             surfaces = self._counts[topics.of_container(topics.FREE_SURFACE, name)]

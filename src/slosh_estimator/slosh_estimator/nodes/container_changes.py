@@ -24,7 +24,7 @@ from slosh_msgs_py.stamps import to_nanoseconds
 
 MOST = 16
 """Changes that wait for their moment."""
-TRAY_STAYS = "the cell carries a tray: ask change_container, with tray_place"
+TRAY_STAYS = "the cell carries a tray: call change_container, with tray_place"
 FARTHEST_NS = 3600 * SECOND
 """A moment so far ahead is of another clock."""
 _NAME = re.compile(r"[\w-][\w.-]*")
@@ -183,7 +183,7 @@ class ContainerChanges:
         )
 
     def _requested(self, request: Any, before: HeldContainer) -> HeldContainer:
-        """Returns what the gripper will hold after a request."""
+        """Returns the gripper's content after a requested change."""
         model = None
         if request.model:
             model = parse_model(request.model, "model")

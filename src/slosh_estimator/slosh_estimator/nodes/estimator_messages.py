@@ -67,7 +67,7 @@ def fill_tray(message: messages.TrayEstimate, stamp_ns: int, tray: TrayEstimate)
 
 
 def fill_reading(message: ExpectedReading, estimate: Estimate, delay: float) -> None:
-    """Writes into a message what the sensor should measure, with its delay [s]."""
+    """Writes the model's prediction of the sensor's height, with its delay [s], to a message."""
     stamp = message.header.stamp
     stamp.sec, stamp.nanosec = divmod(estimate.sample.stamp_ns, SECOND)
     message.linear = estimate.linear.reading

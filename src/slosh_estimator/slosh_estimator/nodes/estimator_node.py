@@ -37,8 +37,8 @@ from slosh_estimator.inputs import (
 )
 from slosh_estimator.nodes.container_changes import ContainerChanges
 from slosh_estimator.nodes.estimator_messages import fill, fill_reading, fill_tray
-from slosh_estimator.nodes.heard_input import HeardInput
 from slosh_estimator.nodes.input_health import InputHealth, fault_facts, rate_facts
+from slosh_estimator.nodes.input_subscription import InputSubscription
 from slosh_estimator.nodes.observer_output import ObserverOutput
 from slosh_estimator.nodes.requested_model import requested_model
 from slosh_estimator.nodes.second_source import AUTO, CHOICES, SecondSource
@@ -64,7 +64,7 @@ from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
 
 LATENCY_EVERY = 10
-"""Messages per measured latency: enough for percentiles, and nothing to be felt."""
+"""Messages per measured latency: enough for percentiles, and too few to cost time."""
 ADDED = f"the effect {TILT} is added to the model: the poses contain the container's tilt"
 _CONTESTED = int(EstimateFlag.INPUT_CONTESTED)
 _CONTRADICTED = int(EstimateFlag.INPUT_CONTRADICTED)
@@ -93,7 +93,8 @@ PARAMETERS = (
         "container_frame"
     ),
     _dynamic(
-        "max_gap", _GATE.max_gap, "longest gap in the input integrated across [s]", (1e-3, 1.0)
+        "max_gap", _GATE.max_gap,
+        "longest gap in the input that the models bridge [s]", (1e-3, 1.0),
     ),
     _dynamic(
         "max_age", _GATE.max_age,
@@ -200,11 +201,11 @@ class EstimatorNode(PreparedNode):
         if self._kind == JOINTS:
             self._await_the_robot()
         at_rest = self._values["starts_at_rest"]
-        self._estimator = Estimator(self._felt(self._tray.first.placed), at_rest=at_rest)
+        self._estimator = Estimator(self._prepared(self._tray.first.placed), at_rest=at_rest)
         self._estimator.empty = self._tray.first.empty
         if self._tray.first.empty:
             self._container[EMPTY] = True
-        self._others = TrayEstimator(self._tray, self._felt, at_rest=at_rest)
+        self._others = TrayEstimator(self._tray, self._prepared, at_rest=at_rest)
 
     def _ask_for_the_robot(self) -> None:
         """Reads the robot description from a file, or subscribes to its topic."""
@@ -237,14 +238,14 @@ class EstimatorNode(PreparedNode):
         tool = values["tool_frame"] or values["container_frame"]
         return Robot(self._urdf, tool, values["world_frame"], name)
 
-    def _felt(self, model: Model) -> Model:
+    def _prepared(self, model: Model) -> Model:
         """Returns the model to run; it computes gravity from the attitude if the input has one."""
         turns = self._kind in WINDOWED or PLACED in self._given
-        felt = model.feeling_gravity() if turns else model
-        self._added = "" if felt is model else ADDED
+        prepared = model.with_gravity_tilt() if turns else model
+        self._added = "" if prepared is model else ADDED
         if self._added:
             self.get_logger().info(self._added)
-        return felt
+        return prepared
 
     def begin(self) -> None:
         """Subscribes to the input and starts the services."""
@@ -275,7 +276,7 @@ class EstimatorNode(PreparedNode):
 
     @property
     def _input(self) -> AnyInput:
-        return self._heard.source
+        return self._subscription.source
 
     def _subscribe(self) -> None:
         name = TOPIC_NAMES[self._kind]
@@ -285,7 +286,7 @@ class EstimatorNode(PreparedNode):
             self, self._kind, self._values["second_source"],
             lambda: InputSettings.from_parameters(self._known), self._urdf, self._now,
         )  # fmt: skip
-        self._heard = HeardInput(
+        self._subscription = InputSubscription(
             self, self._kind, how, self._now, self._answer, self._mount, self._second.told,
             self._reach,
         )  # fmt: skip
@@ -302,12 +303,12 @@ class EstimatorNode(PreparedNode):
         return InputSettings.from_parameters(self._known)._replace(modes=modes)
 
     def _feel_gravity(self) -> None:
-        """Restarts the models with gravity along the attitude that transforms now provide."""
+        """Restarts the models so that gravity follows the attitude that transforms now provide."""
         at_rest = self._values["starts_at_rest"]
         self._estimator.load_model(
-            self._felt(self._tray.first.placed), empty=self._tray.first.empty
+            self._prepared(self._tray.first.placed), empty=self._tray.first.empty
         )
-        self._others = TrayEstimator(self._tray, self._felt, at_rest=at_rest)
+        self._others = TrayEstimator(self._tray, self._prepared, at_rest=at_rest)
         self._set_names()
         self._observe_anew()
 
@@ -336,7 +337,7 @@ class EstimatorNode(PreparedNode):
         if last:  # what the reader remembers is behind all samples of the message
             self._states.look(input_ns, self._estimator, self._input)
         flags = estimate.flags | self._contested | self._contradicted
-        if self._heard.contested:
+        if self._subscription.contested:
             flags |= _CONTESTED
         self._flags |= flags
         gate = self._input.gate
@@ -345,7 +346,7 @@ class EstimatorNode(PreparedNode):
         self._message.samples_used = gate.used
         self._message.samples_dropped = gate.dropped
         if self._tray.is_tray:
-            self._tell_tray(sample, estimate)
+            self._publish_tray(sample, estimate)
         if self._has_readings:
             late = self._estimator.reading_delay(sample.stamp_ns)
             fill_reading(self._reading, estimate, late)
@@ -357,7 +358,7 @@ class EstimatorNode(PreparedNode):
         if gate.used % LATENCY_EVERY == 0:
             self._report.latency(self._now() - sample.stamp_ns)
 
-    def _tell_tray(self, sample: Sample, estimate: Estimate) -> None:
+    def _publish_tray(self, sample: Sample, estimate: Estimate) -> None:
         """Estimates the tray's other containers; publishes all at a reduced rate."""
         tray = self._others.update(sample, estimate)
         self._flags |= functools.reduce(operator.or_, tray.flags)
@@ -367,14 +368,14 @@ class EstimatorNode(PreparedNode):
             self._trays.publish(self._tray_message)
 
     def _take(self, index: int, held: HeldContainer, tray: Tray) -> int:
-        """Replaces a tray place's container for later inputs; returns the last input's stamp [ns].
+        """Replaces the container of one tray place for later inputs; returns the last stamp [ns].
 
         Args:
             index: of the place on the tray, from 0; of one container 0.
             held: what is there.
             tray: with it.
         """
-        model = self._felt(tray.containers[index].placed)
+        model = self._prepared(tray.containers[index].placed)
         if not index:
             self._estimator.load_model(model, fresh=held.fresh, empty=held.empty)
             self._container.update(held.recorded)
@@ -398,7 +399,7 @@ class EstimatorNode(PreparedNode):
         except ValueError as error:
             response.success, response.message = False, str(error)
         else:
-            remark = "".join(f"; {line}" for line in (self._unfelt, self._added) if line)
+            remark = "".join(f"; {line}" for line in (self._attitude_warning, self._added) if line)
             response.success = True
             response.message = f"loaded; the models start from rest{remark}"
         response.models = ", ".join(self._estimator.names)
@@ -420,7 +421,7 @@ class EstimatorNode(PreparedNode):
         """Publishes the settings that apply from the next sample on."""
         files = {"model": format_model(self._estimator.model)}
         if self._tray.is_tray:
-            files[TRAY] = format_tray(self._tray.of(self._felt))
+            files[TRAY] = format_tray(self._tray.of(self._prepared))
         if self._urdf:
             files[ROBOT] = self._urdf
         self._settings.publish(files, self._input.gate.last_ns or 0)
@@ -440,28 +441,28 @@ class EstimatorNode(PreparedNode):
         self._has_readings = has_readings(linear)
         others = (other.model for other in self._others.others)
         models = () if PLACED in self._given else (self._estimator.model, *others)
-        unfelt = (attitude_warning(model, self._kind) for model in models)
-        self._unfelt = next(filter(None, unfelt), "")
+        warnings = (attitude_warning(model, self._kind) for model in models)
+        self._attitude_warning = next(filter(None, warnings), "")
         self._wall = self._estimator.model.container.wall
 
     def _health(self) -> Health:
         fault = self._input_health.look(self._input.gate)
         faults = self._input_health.faults(self._input)
-        rivals = self._heard.rivals()
-        self._contested = _CONTESTED if self._heard.rivalled else 0
+        rivals = self._subscription.rivals()
+        self._contested = _CONTESTED if self._subscription.rivalled else 0
         wrong_input, second = self._second.look()
         self._contradicted = _CONTRADICTED if wrong_input else 0
         doubt = self._input.doubt
         wrong = doubt.text if doubt is not None and doubt.wrong else ""
         wrong = wrong or wrong_input
-        warning = rivals or self._heard.trouble() or wrong or self._input.warning()
+        warning = rivals or self._subscription.trouble() or wrong or self._input.warning()
         if warning:
             return ERROR, warning
         if fault is not None and fault[0] != WARN:
             return fault
-        unfelt = self._unfelt or self._input.sampling.sentence() or second
-        unfelt = unfelt or (self._observed.warning() if self._observed is not None else "")
-        remark = unfelt or (doubt.text if doubt is not None else self._input.remark())
+        hint = self._attitude_warning or self._input.sampling.sentence() or second
+        hint = hint or (self._observed.warning() if self._observed is not None else "")
+        remark = hint or (doubt.text if doubt is not None else self._input.remark())
         if remark or faults:
             return WARN, remark or faults
         if fault is not None:
@@ -484,9 +485,9 @@ class EstimatorNode(PreparedNode):
             **dropped,
             "gaps": gate.gaps,
             "divergences": self._estimator.divergences,
-            **self._heard.facts(),
+            **self._subscription.facts(),
             **self._second.facts(),
-            **self._input_health.facts(self._heard.count),
+            **self._input_health.facts(self._subscription.count),
             **rate_facts(self._input),
             **fault_facts(self._input),
             **self._changes.facts(),

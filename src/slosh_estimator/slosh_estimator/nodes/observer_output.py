@@ -16,7 +16,7 @@ from std_msgs.msg import Bool
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.observer.calm import CalmReason, CalmState, CalmWatch, calm_fields
 from slosh_estimator.observer.observer import Observer
-from slosh_estimator.observer.states import FusedState, ObserverState, Outcome, told_fields
+from slosh_estimator.observer.states import FusedState, ObserverState, Outcome, fused_fields
 from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
 from slosh_estimator.sample import Sample
 from slosh_estimator.tuning import TUNING
@@ -52,7 +52,7 @@ class ObserverOutput:
         self._watch = CalmWatch(tolerance)
         self._waits: list[_Wait] = []
         self._calm_slot = -1
-        self._heard = time.monotonic()
+        self._last_input = time.monotonic()
         self.load(model)
         self._fused_out = node.create_publisher(
             FusedEstimate, topics.FUSED_ESTIMATE, qos.STREAM_OUT
@@ -94,11 +94,11 @@ class ObserverOutput:
         self._action.destroy()
 
     def follow(self, sample: Sample, flags: int) -> None:
-        """Advances the observer by one input sample; `flags` tells the validity of that sample."""
+        """Advances the observer by one input sample, whose validity flags are `flags`."""
         state = self.observer.follow(sample, flags)
         if state is None:
             return
-        self._heard = time.monotonic()
+        self._last_input = time.monotonic()
         fill_fused(self._fused, state, self.observer, self._wall)
         if not 0 <= state.stamp_ns - self._state_ns < TUNING.observer_state_ns:
             self._state_ns = state.stamp_ns
@@ -127,7 +127,7 @@ class ObserverOutput:
 
     def _look(self) -> None:
         """Publishes the state STALE if the input has stopped."""
-        if time.monotonic() - self._heard < TUNING.calm_silence:
+        if time.monotonic() - self._last_input < TUNING.calm_silence:
             return
         fill_stale(self._calm, self._watch.tolerance)
         self._tell()
@@ -219,7 +219,7 @@ def fill_fused(message: FusedEstimate, state: FusedState, observer: Observer, wa
     """Writes a fused state, with its distance to the rim, into a reused message."""
     stamp = message.header.stamp
     stamp.sec, stamp.nanosec = divmod(state.stamp_ns, SECOND)
-    for name, value in told_fields(state, observer.counts, observer.sensed).items():
+    for name, value in fused_fields(state, observer.counts, observer.sensed).items():
         setattr(message, name, value)
     message.trusted = state.trusted
     message.distance_to_rim = float(wall.place(state.msh).distance_to_rim)
@@ -247,7 +247,7 @@ def fill_observer_state(message: ObserverStateMessage, state: ObserverState) -> 
 
 
 def fill_stale(message: Calm, tolerance: float) -> None:
-    """Writes into a reused message that there is no input; `tolerance` is that of calm [m]."""
+    """Writes into a reused message that the input is silent; `tolerance` is that for calm [m]."""
     message.calm, message.reason = False, int(CalmReason.STALE)
     message.tolerance = tolerance
     message.envelope = message.bound = message.time_until_calm = math.nan

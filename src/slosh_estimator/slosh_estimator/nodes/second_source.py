@@ -20,7 +20,7 @@ from slosh_estimator.inputs import (
     InputSettings,
 )
 from slosh_estimator.mounting import SensorTransform
-from slosh_estimator.nodes.heard_input import HeardInput
+from slosh_estimator.nodes.input_subscription import InputSubscription
 from slosh_estimator.robot import HOW_TO_GET, available
 from slosh_estimator.rotation import Vector
 from slosh_estimator.sample import Sample
@@ -38,7 +38,7 @@ CHOICES = (AUTO, NONE, *SENSORS, *MOTIONS)
 
 
 class SecondSource:
-    """Receives a second source of the motion, if there is one, and compares it.
+    """Receives a second source of the motion, if there is one, and compares it with the input.
 
     Args:
         node: the node.
@@ -65,15 +65,15 @@ class SecondSource:
         self._candidates = [one for one in others if wanted in (AUTO, one)]
         self._urdf, self._asked, self._waited = urdf, False, 0
         self._other = ""
-        self._heard: HeardInput | None = None
+        self._subscription: InputSubscription | None = None
         self._other_how = InputSettings()
         self._watch: MountingWatch | None = None
         self._refusals: dict[str, str] = {}
         self._accused = False
 
     def told(self, stamp_ns: int, frame: str, force: Vector, rate: Vector | None) -> None:
-        """Adds a sensor reading, specific force and angular velocity, to the comparison."""
-        if self._heard is None:
+        """Adds specific force and angular velocity of a sensor to the check of its mounting."""
+        if self._subscription is None:
             return
         if self._watch is None:
             sensor = self._kind if self._senses else self._other
@@ -83,12 +83,12 @@ class SecondSource:
         self._watch.take_sensor(stamp_ns, force, rate)
 
     def follow(self, input_ns: int, *samples: Sample | None) -> None:
-        """Adds samples of the estimator's input to the comparison."""
+        """Adds samples of the estimator's input to the check of the sensor's mounting."""
         if not self._senses:
             self._moved(input_ns, *samples)
 
     def _moved(self, _: int, *samples: Sample | None) -> None:
-        """Adds samples of the container's motion to the comparison."""
+        """Adds samples of the container's motion to the check of the sensor's mounting."""
         if self._watch is None:
             return
         for one in samples:
@@ -96,13 +96,13 @@ class SecondSource:
                 self._watch.take_motion(one.stamp_ns, (one.ax, one.ay, one.az), one.pose)
 
     def look(self) -> tuple[str, str]:
-        """Returns what is wrong with the input and with the second source, if anything."""
-        if self._heard is None:
+        """Returns the faults of the input and of the second source, if there are any."""
+        if self._subscription is None:
             self._choose()
             return "", ""
         if self._watch is not None:
             self._watch.look()
-        verdict, doubt = self._verdict, self._heard.source.doubt
+        verdict, doubt = self._verdict, self._subscription.source.doubt
         contradicted = verdict is not None and bool(verdict.wrong)
         doubtful = self._senses and doubt is not None and doubt.wrong
         # A contradiction that was found before the doubt stays one.
@@ -118,12 +118,12 @@ class SecondSource:
     def facts(self) -> dict[str, str]:
         """Returns how the second source compares with the input, for the diagnostics."""
         told = {f"second source {kind}": why for kind, why in self._refusals.items()}
-        if self._heard is None:
+        if self._subscription is None:
             return told
         sensor, motion = self._names
         verdict, watch = self._verdict, self._watch
         if verdict is None or watch is None:
-            return told | {"second source": f"{sensor} against {motion}: no motion of both yet"}
+            return told | {"second source": f"{sensor} against {motion}: no common motion yet"}
         state = "wrong" if verdict.wrong else "right"
         told["second source"] = f"{sensor} against {motion}: {state}, motions: {watch.motions}"
         seen = "; ".join((*verdict.remarks, *(f"not seen: {text}" for text in verdict.unseen)))
@@ -154,7 +154,7 @@ class SecondSource:
                 base=None, chained=False, any_world=True, urdf=self._urdf,
             )  # fmt: skip
             try:
-                self._heard = HeardInput(
+                self._subscription = InputSubscription(
                     self._node, kind, how, self._now,
                     self._moved if self._senses else _nothing, self._mounted,
                     None if self._senses else self.told,

@@ -110,7 +110,7 @@ class SensorNode(GuardedNode):
         self.create_subscription(UNSTAMPED[kind], unstamped, on_unstamped, qos.STREAM_IN)
 
     def _on_settings(self, message: NodeSettings) -> None:
-        """Uses the estimator's model, each time that the estimator has loaded another one."""
+        """Takes over the estimator's model at first and after each change."""
         model = announced_model(message)
         if model is None or model == self._model:
             return
@@ -182,10 +182,10 @@ class SensorNode(GuardedNode):
             return WARN, f"no force on {self.resolve_topic_name(topics.FORCE)} yet"
         refused = self._force.refused if self._force is not None else 0
         if refused > counts["force"] // 2:
-            return ERROR, f"{refused} forces or motions refused: not finite, or not in order"
+            return ERROR, f"{refused} forces or motions rejected: not finite, or not in order"
         if not counts["output"] and (self._payload is not None or counts["level"]):
             return WARN, "no height yet: motion and force have no common time"
-        return OK, "telling heights of the wave"
+        return OK, "publishing heights of the wave"
 
     def _facts(self) -> dict[str, Any]:
         return {"refused": self._force.refused} if self._force is not None else {}

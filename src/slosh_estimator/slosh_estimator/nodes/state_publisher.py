@@ -33,7 +33,7 @@ class StatePublisher:
         self._last_ns = -PERIOD_NS
 
     def look(self, stamp_ns: int, estimator: Estimator, source: AnyInput) -> None:
-        """Notes the stamp [ns] of a used input and publishes the state if it is due.
+        """Records that an input with this stamp [ns] was used; publishes the state if it is due.
 
         Before the input's estimate goes out: in a recording, too, the state comes first.
         """

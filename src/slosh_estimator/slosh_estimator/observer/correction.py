@@ -62,7 +62,7 @@ def _update(mean, covariance, rows, innovations, variances):  # type: ignore[no-
 
 @compiled
 def _widened(covariance, variance):  # type: ignore[no-untyped-def]
-    """Returns the covariance with one more state, which has a given variance."""
+    """Extends a covariance by one independent state with a given variance."""
     size = covariance.shape[0]
     wide = np.zeros((size + 1, size + 1))
     wide[:size, :size] = covariance
@@ -72,7 +72,7 @@ def _widened(covariance, variance):  # type: ignore[no-untyped-def]
 
 @compiled
 def _tested(covariance, rows, innovations, variances, shared, gate):  # type: ignore[no-untyped-def]
-    """Returns the normalised innovation of a measurement, divided by its limit."""
+    """Returns the normalised innovation of a measurement, divided by the acceptance limit."""
     count = innovations.shape[0]
     wide = _widened(covariance, shared)
     total = _update(np.zeros(wide.shape[0]), wide, rows, innovations, variances)
@@ -171,7 +171,7 @@ def _corrected(blocks, mean, row):  # type: ignore[no-untyped-def]
 
 @compiled
 def expected_heights(blocks, one, two, moment):  # type: ignore[no-untyped-def]
-    """Interpolates heights along the modal axes, their rates and the axes' angle at a time."""
+    """Interpolates modal heights, their rates and the axes' angle at a time between two rows."""
     whole = two[TIME] - one[TIME]
     share = (moment - one[TIME]) / whole if whole > 0.0 else 0.0
     heights = (

@@ -106,7 +106,7 @@ class Observer:
 
     @property
     def taken(self) -> int:
-        """Number of measurements that were processed, whether used or rejected."""
+        """Number of measurements that were processed, whether they were used or rejected."""
         return sum(self.counts.values())
 
     def take(self, heights: WallHeights, *, sensed: bool = False) -> None:
@@ -235,7 +235,7 @@ class Observer:
             self._note(self._use(heights) if ahead_ns <= 0 else Outcome.LATE)
 
     def _take_next(self, *, sensed: bool) -> WallHeights:
-        """Removes the next measurement from a queue and marks it as processed."""
+        """Removes and returns the next measurement of the camera or sensor queue."""
         if not sensed:
             heights = self._cameras.popleft()
             self._judged_ns = heights.stamp_ns
@@ -300,7 +300,7 @@ class Observer:
         return True
 
     def _restart(self, now: float, *, at_rest: bool) -> None:
-        """Resets the model to rest; `at_rest` says whether the liquid is known to rest."""
+        """Resets the model to rest; `at_rest` means that the liquid is known to be at rest."""
         run, modes = divided(self._store)
         elapsed = run["elapsed"].copy()
         modes[:] = self._constants
@@ -352,7 +352,7 @@ class Observer:
         )  # fmt: skip
 
     def _bounded(self, out: list[float], slowest: float) -> tuple[float, float]:
-        """Returns the bounds of the wave's envelope; not below what measurements show."""
+        """Returns the bounds of the wave's envelope, at least the wave that measurements show."""
         since = math.inf if self._moved_ns is None else self._newest_ns - self._moved_ns
         bound, sure = self._bounds.update(
             Envelope(

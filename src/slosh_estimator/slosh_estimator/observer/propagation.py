@@ -98,7 +98,7 @@ def propagated(blocks, one, two, begin, end):  # type: ignore[no-untyped-def]
 
 @compiled
 def anchored(blocks):  # type: ignore[no-untyped-def]
-    """Resets transition, sensitivity and noise of all mode axes at the reference time."""
+    """Sets transition to identity, sensitivity and noise to 0, at a new reference time."""
     for k in range(blocks.shape[0]):
         block = blocks[k]
         block[PHI:] = 0.0

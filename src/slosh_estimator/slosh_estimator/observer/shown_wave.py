@@ -1,4 +1,4 @@
-"""Height of the wave that measurements at one place show, whatever the filter makes of them.
+"""Wave height from the newest measurements at one place alone, without the observer.
 
 A camera that tells a maximum but not where may see a part of the wall alone. The filter takes such
 a height for the highest of all: where the crest is elsewhere, the lower ones pull its wave down.
@@ -15,7 +15,7 @@ from slosh_estimator.tuning import TUNING
 
 
 class ShownWave:
-    """Root mean square of the newest heights about the still level, as an amplitude.
+    """Wave amplitude from the root mean square of the newest heights about the still level.
 
     The noise of the heights is taken off by their differences, in which a wave is small.
     """
@@ -24,7 +24,7 @@ class ShownWave:
         self._heights: deque[tuple[int, float]] = deque()
 
     def clear(self) -> None:
-        """Forgets all heights: the container moved, or the liquid is another."""
+        """Removes all heights, after a motion of the container or a change of the liquid."""
         self._heights.clear()
 
     def add(self, stamp_ns: int, height: float) -> None:

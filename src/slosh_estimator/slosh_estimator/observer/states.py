@@ -16,11 +16,11 @@ SAME_FIELDS: Final = (
     "clock_offset",
 )  # fmt: skip
 """Fields of FusedEstimate.msg that are attributes of FusedState."""
-TOLD_FIELDS: Final = (
+FUSED_FIELDS: Final = (
     *SAME_FIELDS, "uncorrected", "heights_taken", "heights_used", "heights_rejected",
     "sensed_taken",
 )  # fmt: skip
-"""All of its numbers but the modal state; see `told_fields`."""
+"""All of its numbers but the modal state; see `fused_fields`."""
 
 
 class WallHeights(NamedTuple):
@@ -105,7 +105,7 @@ class FusedState(NamedTuple):
         return self.corrected_ns is not None and self.msh_stddev <= TUNING.trusted_stddev
 
 
-def told_fields(
+def fused_fields(
     state: FusedState, counts: Mapping[Outcome, int], sensed: int = 0
 ) -> dict[str, float]:
     """Returns the values for FusedEstimate.msg by field name, without the modal state.

@@ -33,7 +33,7 @@ class SurfaceHeights(NamedTuple):
 
 
 def wall_heights(stamp_ns: int, surface: SurfaceHeights) -> WallHeights:
-    """Returns measured wall heights with azimuths: both image edges, crest and zero line.
+    """Returns measured wall heights by azimuth: at both image edges, the crest and the zero line.
 
     A fitted wave has no height a quarter of a turn beside its maximum. A side view shows the two
     edges alone. Heights that are lower bounds or do not show this moment are left out.

@@ -49,7 +49,7 @@ def _input(row):  # type: ignore[no-untyped-def]
 
 @compiled
 def _added(row, n, moves, old, new):  # type: ignore[no-untyped-def]
-    """Adds a difference of a mode's state to a stored row, given its old and new gains."""
+    """Adds a change of a mode's state to a stored row; updates its heights by old and new gain."""
     at = MODES + 4 * n
     x, y = row[at], row[at + 2]
     row[at] += moves[X]

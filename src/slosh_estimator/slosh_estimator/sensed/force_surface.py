@@ -96,7 +96,7 @@ class ForceSurface:
 
     @property
     def wrong(self) -> str:
-        """What is wrong with the force, in one line, while no heights are told; else empty."""
+        """Fault of the measured force that prevents heights, in one line; empty if none."""
         return self._load.wrong
 
     def take_force(self, stamp_ns: int, fx: float, fy: float, fz: float) -> list[SensedWave]:
@@ -125,7 +125,7 @@ class ForceSurface:
         return self._complete()
 
     def _restarted_if_set_back(self, stamp_ns: int, newest_ns: int) -> list[SensedWave]:
-        """Clears all data if the clock was set back; small decreases are mere disorder."""
+        """Clears all data if a stamp shows that the clock was set back, not mere disorder."""
         if newest_ns - stamp_ns > TUNING.set_back_ns:
             self._forces.clear()
             self._motions.clear()
@@ -134,7 +134,7 @@ class ForceSurface:
         return []
 
     def _complete(self) -> list[SensedWave]:
-        """Evaluates the time blocks that end before the newest force and acceleration."""
+        """Returns the waves of all time blocks for which force and acceleration are complete."""
         found: list[SensedWave] = []
         until = min(self._newest_force_ns, self._newest_motion_ns) // self._block_ns
         if not self._forces or not self._motions:

@@ -58,7 +58,7 @@ def wall_factor(model: Model, place: LevelPlace) -> float:
 
 
 def strange_height(height: float, model: Model) -> str:
-    """Returns in one line why a height [m] above the still level cannot be; empty if it can."""
+    """Returns why a height [m] above the still level is impossible, in one line; else empty."""
     container = model.container
     floor, top = -container.fill_height, max(container.fill_height, *container.reaches)
     if floor <= height <= top:

@@ -40,7 +40,7 @@ class LoadCheck:
             self.wrong = self._judged(self._product / self._square / self._payload.mass)
 
     def _judged(self, ratio: float) -> str:
-        """Returns what a ratio of measured and identified mass means, in one line."""
+        """Explains a wrong ratio of measured to identified mass in one line; else empty."""
         if 1.0 / TUNING.load_wrong < ratio < TUNING.load_wrong:
             return ""
         told = f"the force in motion is {ratio:.2g} times that of the identified payload: "

@@ -93,7 +93,7 @@ class Bins:
         return closed
 
     def close(self, number: int = -(2**62)) -> Bin | None:
-        """Ends the current bin and begins the next; returns None if the bin was empty."""
+        """Returns the finished bin, or None if it was empty; begins the next bin."""
         found = None
         if self._count:
             found = Bin(self._number, tuple(total / self._count for total in self._sums))
@@ -102,7 +102,7 @@ class Bins:
         return found
 
     def memory(self, base: int) -> list[float]:
-        """Returns the state as numbers; bin numbers are relative to `base`."""
+        """Returns the state as numbers for `take_up`; time bins are counted from `base`."""
         return [_told(self._number, base), float(self._count), *self._sums]
 
     def take_up(self, memory: Sequence[float], base: int) -> None:
@@ -112,7 +112,7 @@ class Bins:
 
 
 class Stretch:
-    """The time span of constant values to which the newest time bin belongs.
+    """Time span in which the mean values of successive time bins stay constant.
 
     Args:
         tolerance: how far from the mean a bin of a noiseless sensor may lie.
@@ -143,7 +143,7 @@ class Stretch:
 
     @property
     def first(self) -> bool:
-        """Whether the time span consists only of the first bin since the start."""
+        """Whether exactly one time bin was added since the last restart."""
         return self.count == 1 and math.isnan(self._two[0])
 
     @property
@@ -183,7 +183,7 @@ class Stretch:
         return continues
 
     def memory(self, base: int) -> list[float]:
-        """Returns the state as numbers; bin numbers are relative to `base`."""
+        """Returns the state as numbers for `take_up`; time bins are counted from `base`."""
         bends = [*self._bends, *[math.nan] * (TUNING.looked_back - len(self._bends))]
         counts = float(self.count), float(self._all)
         places = [_told(self._start, base), _told(self._last, base), *counts]

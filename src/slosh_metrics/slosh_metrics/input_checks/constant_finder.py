@@ -30,7 +30,7 @@ class ConstantFinder:
         self.restart()
 
     def restart(self) -> None:
-        """Restarts the integration of the acceleration after a gap."""
+        """Forgets the present rest and the integrated speed, after a gap."""
         self.stretch.restart()
         self._earlier: Vector | None = None
         self._departed = False
@@ -76,7 +76,7 @@ class ConstantFinder:
         self._speed, self._time = _ZERO, 0.0
 
     def _is_no_acceleration(self, constant: Vector) -> bool:
-        """Returns whether a constant acceleration cannot be a real motion, by its integral."""
+        """Returns whether a constant is no real acceleration, by the speed that it would cause."""
         left = math.dist(constant, self.bias)
         if left * self.stretch.seconds > TOP_SPEED:
             return True
@@ -91,7 +91,7 @@ class ConstantFinder:
         return reached >= 0.5 * TOP_SPEED and rest <= 0.25 * left * self._time
 
     def memory(self, base: int) -> list[float]:
-        """Returns the state as numbers; bin numbers are relative to `base`."""
+        """Returns the state as numbers for `take_up`; time bins are counted from `base`."""
         last = float(self._last - base) if self._time else math.nan
         earlier = self._earlier or (math.nan,) * 3
         own = [*self._speed, self._time, last, *earlier, float(self._departed), *self.bias]

@@ -141,7 +141,7 @@ class ImuCheck(Check):
         self._up = self._stood = _unit(force)
 
     def _is_honest(self, force: Vector) -> bool:
-        """Returns whether a force other than that of an upright rest may be correct.
+        """Returns whether a force that is not that of an upright rest may still be right.
 
         A container that was upright, or that has been turned by its rates, may stand or move
         tilted. What is left of the force beside gravity as it was turned accelerates it.
@@ -221,7 +221,7 @@ def _is_weight(force: Vector) -> bool:
 
 
 def _leant(v: Vector, to: Vector, share: float) -> Vector:
-    """Moves a direction towards another direction by a fraction."""
+    """Moves a unit vector towards another one by a fraction, and normalises it."""
     share = min(share, 1.0)
     return _unit(
         (

@@ -132,11 +132,11 @@ class Check(ABC):
 
     @abstractmethod
     def _remembered(self, base: int) -> list[float]:
-        """Returns the state of the derived check; bin numbers are relative to `base`."""
+        """Returns the state that a subclass adds; bin numbers are relative to `base`."""
 
     @abstractmethod
     def _remember(self, memory: Sequence[float], base: int) -> None:
-        """Restores the state of the derived check."""
+        """Restores the state that a subclass adds."""
 
 
 class AccelCheck(Check):

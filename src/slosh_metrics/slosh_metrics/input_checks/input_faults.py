@@ -299,7 +299,7 @@ def _frozen(t: Array, acceleration: Array) -> list[tuple[float, float]]:
 
 
 def _jump(steps: Array, start: int, end: int) -> float:
-    """Returns the jump of the values at the end of a repetition [m/s²]."""
+    """Returns the change of the acceleration just after a run of repeated values [m/s²]."""
     return float(steps[end - 1]) if end - 1 < len(steps) else 0.0
 
 
@@ -333,7 +333,7 @@ def _mixed(t: Array, acceleration: Array) -> list[tuple[float, float]]:
 
 
 def _unevenness(t: Array, run: NDArray[np.int64]) -> tuple[tuple[float, float], ...]:
-    """Returns mean change and mean length of sample intervals [s], for all and chosen samples.
+    """Returns mean change and length of intervals [s], with and without a run's samples.
 
     Of all samples around a run of rows, and of those that are not of the run's publisher.
     """

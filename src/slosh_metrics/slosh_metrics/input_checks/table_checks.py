@@ -45,7 +45,7 @@ class InputDoubt(str):
         """Creates the line from a suspected fault."""
         return cls(doubt.text, doubt.wrong)
 
-    def about(self, path: object) -> InputDoubt:
+    def of_file(self, path: object) -> InputDoubt:
         """Returns the line preceded by the path of the file."""
         return InputDoubt(f"{path}: {self}", self.wrong)
 

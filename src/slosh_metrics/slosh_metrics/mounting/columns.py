@@ -78,8 +78,8 @@ class Aligned(NamedTuple):
     noise: float
 
 
-def felt(motion: MotionColumns, *, in_world: bool = False) -> Array:
-    """Returns a motion as columns (N, COLUMNS), for comparison with a sensor.
+def sensor_columns(motion: MotionColumns, *, in_world: bool = False) -> Array:
+    """Returns a motion as columns (N, COLUMNS) that can be compared with sensor readings.
 
     Args:
         motion: of the container.
@@ -108,7 +108,7 @@ def aligned(
     Args:
         sensor: at least two samples.
         stamps: (N,) of the motion, at least two [ns].
-        motion: (N, COLUMNS) as `felt` gives it.
+        motion: (N, COLUMNS) as `sensor_columns` gives it.
         begin, end: the moments [ns].
     """
     lags = round(TUNING.farthest_lag / TUNING.step)
@@ -134,7 +134,7 @@ def aligned(
 
 
 def smoothed(t: Array, values: Array, at: Array, box: float) -> Array:
-    """Returns values at evenly spaced times, each column smoothed by three moving averages.
+    """Resamples each column at evenly spaced times, smoothed by three moving averages.
 
     By three boxes of a width [s].
     """

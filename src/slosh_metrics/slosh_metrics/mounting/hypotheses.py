@@ -18,7 +18,7 @@ _TURNS = 30
 
 
 class Side(NamedTuple):
-    """Sensor readings, accelerations and reactions to gravity, (N, 3) each."""
+    """Sensor readings s, accelerations a and reactions u to gravity, (N, 3) each [m/s²]."""
 
     s: Array
     a: Array
@@ -59,7 +59,7 @@ def best_hypothesis(side: Side, told: Array) -> Answer:
 
 
 def size_of(answer: Answer) -> float:
-    """Returns the sensor's reading for 1 m/s², from the motion or from gravity."""
+    """Returns the sensor's reading per 1 m/s², from the motion or else from gravity."""
     return max(answer.gain, abs(answer.gravity), 1e-9)
 
 
@@ -111,7 +111,7 @@ def _solved(side: Side, told: Array, start: float, handed: float) -> Answer:
 
 
 def unmirrored(rotation: Array, told: Array) -> Array:
-    """Returns a mirrored mounting with the one axis reversed that leaves the least rotation.
+    """Reverses that axis of a mirrored mounting which leaves the smallest rotation.
 
     Args:
         rotation: (3, 3) of determinant -1, sensor ← container.

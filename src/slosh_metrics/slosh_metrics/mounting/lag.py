@@ -16,7 +16,7 @@ _EACH = 2
 
 
 def _first_row(both: Aligned, lag: float) -> tuple[int, float]:
-    """Returns whole and fractional index of the sensor sample at the motion's first sample."""
+    """Returns integer and fractional index of the sensor's sample at the motion's first one."""
     shift = lag / TUNING.step + both.lags
     first = min(max(math.floor(shift), 0), 2 * both.lags - 1)
     return first, shift - first
@@ -74,7 +74,7 @@ def coarse_lag(both: Aligned) -> float | None:
 
 
 def _unexplained(s: Array, v: Array) -> float:
-    """Returns the mean square of readings (N, 3) that no rotation and gain explains."""
+    """Returns the mean square of readings (N, 3) that no rotation and gain of v explains."""
     s, v = s - s.mean(axis=0), v - v.mean(axis=0)
     size = float(np.sum(v * v))
     whole = float(np.sum(s * s))

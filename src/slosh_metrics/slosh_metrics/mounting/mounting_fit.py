@@ -137,7 +137,7 @@ def fit_mounting(both: Aligned, told: Array, arm: Array) -> MountingFit | None:
 
 
 def _without_noise(covariance: Array, fine: Solution, problem: Problem) -> Array:
-    """Returns the covariance (3, 3) of the rotation if unexplained readings are motion noise.
+    """Returns the rotation's covariance (3, 3) without the information that noise pretends.
 
     Such noise looks like information about turns, in all directions alike.
     """
@@ -172,7 +172,7 @@ def _worth(fit: MountingFit) -> tuple[bool, float]:
 
 
 def _explained(side: Side, fine: Solution) -> float:
-    """Returns the share of the motion, without gravity, that the fit explains."""
+    """Returns the fraction of the motion, without gravity, that the fit explains."""
     still = side.s - fine.at.gravity * side.u @ fine.at.rotation.T
     constant = side.s - side.s.mean(axis=0)
     moved = min(float(np.sum(constant * constant)), float(np.sum(still * still)))

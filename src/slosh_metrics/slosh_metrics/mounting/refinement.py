@@ -135,7 +135,7 @@ def _turn_variance() -> float:
 
 
 def _prior(size: float) -> Array:
-    """Returns the inverse prior variances of the unknowns (UNKNOWNS,)."""
+    """Returns the inverse of each unknown's prior variance (UNKNOWNS,)."""
     prior = np.zeros(UNKNOWNS)
     prior[TURN], prior[PLACE] = 1.0 / TUNING.doubt**2, 1.0 / TUNING.arm**2
     prior[BIAS], prior[DRIFT] = 1.0 / (TUNING.bias * size) ** 2, 1.0 / TUNING.drift**2
@@ -168,7 +168,7 @@ def _turns(rates: Rates, at: Unknowns) -> tuple[Array, Array]:
 
 
 def _spread(left: Array, slope: Array) -> Array:
-    """Returns the covariance of the gradient from sums over blocks of readings."""
+    """Returns the gradient's covariance from its sums over blocks of readings."""
     size = 3 * max(round(TUNING.block / TUNING.step), 1)
     sums = np.add.reduceat(left[:, None] * slope, np.arange(0, len(left), size), axis=0)
     factor = len(sums) / max(len(sums) - 3, 1)

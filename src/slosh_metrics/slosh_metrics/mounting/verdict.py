@@ -50,7 +50,7 @@ class Expected(NamedTuple):
 
 
 class MountingVerdict(NamedTuple):
-    """What is known about a sensor's mounting.
+    """Result of a mounting check: faults, remarks, the fit and the measured rotation.
 
     Attributes:
         wrong: what is wrong, with the remedy, a clause each; empty: nothing is known to be.
@@ -96,7 +96,7 @@ def judge(fit: MountingFit, expected: Expected) -> MountingVerdict:
 
 
 def _errors(covariance: Array) -> tuple[Array, Array]:
-    """Returns standard errors (3,) [rad] of rotations and their axes, the columns of (3, 3)."""
+    """Returns standard errors (3,) [rad] about principal axes, and these axes as columns."""
     values, axes = np.linalg.eigh(covariance)
     return np.sqrt(np.maximum(values, 0.0)), axes
 

@@ -14,7 +14,7 @@ from slosh_metrics.mounting.columns import (
     MotionColumns,
     SensorColumns,
     aligned,
-    felt,
+    sensor_columns,
 )
 from slosh_metrics.mounting.mounting_fit import best_fit
 from slosh_metrics.mounting.tuning import TUNING
@@ -130,7 +130,11 @@ class MountingWatch:
             np.array(self._sensor_ns, dtype=np.int64), heard[:, :3], heard[:, 3:6]
         )
         both = aligned(
-            sensor, moved.stamps, felt(moved, in_world=self._in_world), motion.begin, motion.end
+            sensor,
+            moved.stamps,
+            sensor_columns(moved, in_world=self._in_world),
+            motion.begin,
+            motion.end,
         )
         newest = self._verdict([both])
         if newest is None:
@@ -169,7 +173,7 @@ class MountingWatch:
 
 
 def _possible(values: Vector) -> bool:
-    """Returns whether a sensor may read these values in any unit."""
+    """Whether values are small enough for a reading of the sensor, in any known unit."""
     x, y, z = values
     return -MOST_SAID < x < MOST_SAID and -MOST_SAID < y < MOST_SAID and -MOST_SAID < z < MOST_SAID
 

@@ -15,7 +15,7 @@ _FIRST = 2.0
 
 @compiled
 def frequency_shift(depth):  # type: ignore[no-untyped-def]
-    """Returns Δ(ω²)/ω² of a standing wave per (kA)², with A its height at the wall.
+    """Returns Δ(ω²)/ω² of a standing wave per (kA)²: k wave number, A height at the wall.
 
     Args:
         depth: kh; below about 0.6 the third order is too little.

@@ -44,7 +44,7 @@ BY_HOOK: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
 
 
 def _starts(sizes: Mapping[str, int]) -> tuple[Mapping[str, int], int]:
-    """Returns the start of each part of a flat array, and its length."""
+    """Returns the start index of each named part of a flat array, and the array's length."""
     starts: dict[str, int] = {}
     end = 0
     for name, size in sizes.items():

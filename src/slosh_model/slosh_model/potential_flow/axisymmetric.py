@@ -200,7 +200,7 @@ def _along_surface(w: Any) -> Any:
 
 
 class _Wall:
-    """Integrals of the potential over the wall."""
+    """Computes integrals of the velocity potential over the wall by finite elements."""
 
     def __init__(self, fem: Any, basis: Any) -> None:
         self._basis = basis
@@ -217,7 +217,7 @@ class _Wall:
         self._moment, self._layer = fem.Functional(moment), fem.Functional(layer)
 
     def of(self, u: Array) -> tuple[float, float]:
-        """Returns the wall integrals of φ (z n_r − r n_z) r and of |∇φ|² r."""
+        """Returns the wall integrals for the moment, φ (z n_r − r n_z) r, and damping, |∇φ|² r."""
         known = self._basis.interpolate(u)
         moment, layer = (
             form.assemble(self._basis, u=known) for form in (self._moment, self._layer)

@@ -108,7 +108,7 @@ def _solved_whole(mesh: Any, count: int) -> tuple[Array, tuple[float, list[float
 def _directed(
     stiffness: Any, mass: Any, offsets: Array, spread: Array, count: int
 ) -> list[tuple[float, Array]]:
-    """Returns the lowest driven modes: k² and F, those nearer to x and to y by turns."""
+    """Returns k² and shape F of the lowest driven modes, alternately nearer to x and to y."""
 
     def families(values: Array, vectors: Array) -> Families:
         found: Families = ([], [])
@@ -126,7 +126,7 @@ def _directed(
 
 
 def _mixes(pushed: Array) -> list[Array]:
-    """Returns at most two combinations of modes of one frequency that are driven at right angles.
+    """Combines modes of equal frequency to at most two that are driven at right angles.
 
     Args:
         pushed: (2, N) ∫xF and ∫yF of each.

@@ -91,7 +91,7 @@ def bases(mesh: Any, *parts: str) -> list[Any]:
 
 
 def scaled(piece: Piece, origin: Array, scale: float) -> Piece:
-    """Returns a curve relative to an origin, divided by a scale."""
+    """Returns a curve shifted to an origin and divided by a scale."""
     return replace(piece, at=lambda t: (piece.at(t) - origin) / scale)
 
 

@@ -60,7 +60,7 @@ class Triangles:
 
 
 def graded(sources: Array, sizes: Array) -> Size:
-    """Returns the largest mesh size function with given sizes at points and limited growth."""
+    """Returns a mesh size function that grows slowly from given sizes at given points."""
 
     def size(places: Array) -> Array:
         found = np.full(len(places), np.inf)
@@ -103,7 +103,7 @@ def _attempt(sides: Sequence[Side], size: Size) -> Triangles | None:
 
 
 def _joined(found: tuple[Array, Integers, Array], size: Size) -> tuple[Triangles, BoolArray]:
-    """Returns triangles, and a mask of the boundary parts that no triangle has as a side."""
+    """Returns a triangulation, and a mask of boundary parts that are no triangle's side."""
     edge_points, side, shares = found
     count = len(edge_points)
     points = _filled(edge_points, size)
@@ -198,7 +198,7 @@ def _circumcircles(triangles: Array) -> tuple[Array, Array]:
 
 
 def _inside(points: Array, edge: Array) -> Integers:
-    """Returns the corners (M, 3) of Delaunay triangles inside the boundary."""
+    """Returns the corner indices (M, 3) of the Delaunay triangles inside the boundary."""
     found: Integers = np.asarray(scipy.spatial.Delaunay(points).simplices, dtype=np.int64)
     at = points[found]
     u, v = at[:, 1] - at[:, 0], at[:, 2] - at[:, 0]

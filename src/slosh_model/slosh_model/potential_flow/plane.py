@@ -128,7 +128,7 @@ def _half(outline: Sequence[Piece], turned: bool, scale: float) -> list[Side]:
 
 
 def _quarter(half: Sequence[Side]) -> list[Side]:
-    """Returns the quarter of an outline to the right of the half's middle."""
+    """Returns a quarter of a doubly symmetric outline: the right part of a half of it."""
     wall = []
     for side in half[:-1]:
         cuts = side.piece.shares_at(0.0, 0)
@@ -199,7 +199,7 @@ def _layer(k: float, depth: float, row: Sequence[float]) -> float:
 
 
 def _solved(mesh: Any, along: bool, count: int) -> tuple[Array, tuple[float, float, list[float]]]:
-    """Solves the eigenvalue problem on a mesh; returns mode constants, area and crests."""
+    """Solves the eigenvalue problem on a mesh; returns mode constants, area and crest heights."""
     fem = library()
     inside, wall = bases(mesh, "wall")
     stiffness, mass = plane_matrices(inside)
@@ -230,7 +230,7 @@ def _solved(mesh: Any, along: bool, count: int) -> tuple[Array, tuple[float, flo
 def _driven(
     stiffness: Any, mass: Any, offset: Array, spread: float, count: int
 ) -> list[tuple[float, Array]]:
-    """Returns the lowest modes that an acceleration excites, with ∫F² = 1."""
+    """Returns the lowest modes that an acceleration excites, scaled to ∫F² = 1."""
 
     def families(values: Array, vectors: Array) -> Families:
         values, vectors, shares = _merged(values, vectors, offset @ vectors, spread)

@@ -1,4 +1,4 @@
-"""Numbers of the modes of an outline, for any depth."""
+"""Constants of the sloshing modes of a prism's outline, independent of the depth."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def lowest_driven(
 
 
 def area_of(inside: Any) -> float:
-    """Returns the area of what a basis covers."""
+    """Returns the area or length of the region that a finite-element basis covers."""
     return float(library().Functional(lambda w: 1.0 + 0.0 * w.x[0]).assemble(inside))
 
 

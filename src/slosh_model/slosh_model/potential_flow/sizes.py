@@ -21,7 +21,7 @@ def bending(at: Array) -> Array:
 
 
 def sharp_corners(sides: Sequence[Side], *, mirrored: bool = False) -> list[tuple[Array, float]]:
-    """Returns corners at which the gradient is singular, with mesh sizes there.
+    """Returns corners at which the potential's gradient is singular, with mesh sizes there.
 
     Args:
         sides: of the region.

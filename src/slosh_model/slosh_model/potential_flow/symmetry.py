@@ -19,7 +19,7 @@ _MOST_TRIED = 400
 
 
 def axis_of_symmetry(places: Array) -> float | None:
-    """Returns the turn, at most 45°, of x or y that makes an outline symmetric about it [rad].
+    """Returns the angle from x or y to an outline's axis of symmetry, at most 45° [rad].
 
     0 if it is so without; None if it has no axis of symmetry.
     """

@@ -92,7 +92,7 @@ def trough_modes(
 def _longitudinal(
     row: Array, width: float, long: float, half_waves: int, shape: Array
 ) -> ModeNumbers:
-    """Returns a mode along x; `shape` are its heights across an end wall."""
+    """Returns a mode along x, whose heights across an end wall are given by `shape`."""
     share = np.linspace(0.0, 1.0, _ALONG)
     wave = np.sin(0.5 * half_waves * math.pi * share) * math.sin(0.5 * half_waves * math.pi)
     # Its highest place is at an end wall; where on it does not matter for a distance along x.
@@ -103,7 +103,7 @@ def _mode(
     axis: int, row: Array, width: float, reach: float, places: Array, shape: Array,
     higher: float = 0.0,
 ) -> ModeNumbers:  # fmt: skip
-    """Returns a mode's constants; lengths are from those of half the surface's width [m]."""
+    """Returns a mode's constants in SI units; given lengths are per half surface width."""
     omega = math.sqrt(GRAVITY * float(row[LAMBDA]) / width)
     return ModeNumbers(
         axis=axis,
@@ -238,7 +238,7 @@ class _Integrals:
         )
 
     def longitudinal(self, value: float, psi: Array, k: float, long: float) -> tuple[float, ...]:
-        """Returns the numbers of a longitudinal mode of which λ and ψ are known.
+        """Returns the constants of a longitudinal mode from its eigenvalue λ and shape ψ.
 
         Its integrals along x are those of sin²kx, L/2, and of x sin kx, ±2/k²; at the end walls
         sin kx is ±1, with the same sign.
@@ -262,7 +262,7 @@ class _Integrals:
         )
 
     def transverse(self, value: float, psi: Array, long: float) -> tuple[float, ...]:
-        """Returns the numbers of a transverse mode of which λ and ψ are known."""
+        """Returns the constants of a transverse mode from its eigenvalue λ and shape ψ."""
         norm, reach = float(psi @ (self.surface @ psi)), float(self.offsets @ psi)
         layer = _form(psi, self.along_wall) + TUNING.film * _form(psi, self.along_surface)
         slope, share = value * norm, 3.0 * reach * reach / norm
@@ -278,7 +278,7 @@ class _Integrals:
         )
 
     def _bent(self, psi: Array) -> float:
-        """Returns ∫|∇∇ψ|² dA over the section."""
+        """Returns the integral ∫|∇∇ψ|² dA over the trough's section."""
         y, z = (self.continuous(load @ psi) for load in self.loads)
         (yy, yz), (zy, zz) = self.slopes
         mixed = _form(y, zz) + _form(z, yy) + float(y @ ((yz + zy.T) @ z))

@@ -45,7 +45,7 @@ class Piece:
     straight: bool = False
 
     def part(self, start: float, end: float) -> Piece:
-        """Returns the part of the curve between two relative positions, perhaps reversed."""
+        """Returns the curve's part between two relative positions; reversed if end < start."""
         return replace(self, at=lambda t: self.at(start + (end - start) * np.asarray(t)))
 
     def one(self, t: float) -> Array:
@@ -190,7 +190,7 @@ def check_simple(pieces: Sequence[Piece], key: str, *, closed: bool) -> None:
 
 
 def _on_lines(a: Array, d: Array) -> BoolArray:
-    """Returns (N, N) whether points (N, 2) lie on lines that begin at points a and go by d."""
+    """Returns (N, N) whether each point of a (N, 2) lies on each segment from a to a + d."""
     away = a[:, None] - a[None]
     lengths = (d * d).sum(axis=1)
     share = np.clip((away * d[None]).sum(axis=2) / lengths, 0.0, 1.0)
@@ -239,5 +239,5 @@ def wetted(profile: Sequence[Piece], level: float, key: str = "profile") -> tupl
 
 
 def ends_at(pieces: Sequence[Piece]) -> tuple[Array, Array]:
-    """Returns the start and end point (2,) of a chain of curves."""
+    """Returns the start point and the end point, (2,) each, of a chain of curves."""
     return pieces[0].one(0.0), pieces[-1].one(1.0)

@@ -75,7 +75,7 @@ class PrismaticContainer(SolvedContainer):
 
     @property
     def alike(self) -> bool:
-        """Whether every direction is alike, as in a hexagon."""
+        """Whether the first mode has the same frequency along x and y, as in a hexagon."""
         if self.one_directional:
             return False
         along, across = (
@@ -85,7 +85,7 @@ class PrismaticContainer(SolvedContainer):
 
     @property
     def cornered(self) -> bool:
-        """Whether the waves along the container's x and y are two of different frequencies."""
+        """Whether the modes along the container's x and y axes have different frequencies."""
         return not self.alike and not any(row.turn for row in self._rows)
 
     def numbers(self, n: int, axis: int = X_AXIS) -> ModeNumbers:
@@ -117,7 +117,7 @@ class PrismaticContainer(SolvedContainer):
 
     @property
     def reaches(self) -> tuple[float, float]:
-        """Distances from the centre at which heights along x and y are given [m].
+        """Distances from the centre at which the wall heights along x and y are computed [m].
 
         Half extents, or where the modes' axes are not x and y, or alike, that of the furthest
         corner.
@@ -135,7 +135,7 @@ class PrismaticContainer(SolvedContainer):
         return own.height_per_displacement * (self.reaches[axis] / own.reach)
 
     def height_distance(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns the distance from the centre to a mode's highest place along its motion [m]."""
+        """Returns the distance from the centre to where a mode's wall height is greatest [m]."""
         return self.numbers(n, axis).reach
 
     def mode_damping(self, kinematic_viscosity: float, n: int) -> float:
@@ -315,7 +315,7 @@ class Tray(PrismaticContainer):
 
 @lru_cache(maxsize=256)
 def _wall_corners(container: PrismaticContainer) -> Array:
-    """Returns the corners (K, 2) of the wall [m], bends in short sides."""
+    """Returns the corners (K, 2) of the wall [m]; bends are divided into short sides."""
     ends = [
         piece.at(np.linspace(0.0, 1.0, 2 if piece.straight else 129))[:-1]
         for piece in container.contour
@@ -327,12 +327,12 @@ def _wall_corners(container: PrismaticContainer) -> Array:
 
 @lru_cache(maxsize=256)
 def _furthest(container: PrismaticContainer) -> float:
-    """Returns the distance of the wall from the outline's centre, at most [m]."""
+    """Returns the largest distance from the outline's centre to the wall [m]."""
     return float(np.hypot(*container.places.T).max())
 
 
 def _static_axes(container: PrismaticContainer, masses: int) -> float:
-    """Returns the azimuth of an axis along which modes leave a part of a plane surface [rad]."""
+    """Returns the main axis of the quasi-static height that the modes do not contain [rad]."""
     across = difference = 0.0
     for n in range(1, masses + 1):
         part = container.curved_gain(n) / container.natural_frequency(n) ** 2

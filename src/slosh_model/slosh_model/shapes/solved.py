@@ -228,7 +228,7 @@ def _neighbours(
 
 
 def _alike(rows: Sequence[tuple[ModeNumbers, ...]]) -> list[tuple[ModeNumbers, ...]]:
-    """Returns the modes along each axis before the first that has another shape in some row.
+    """Returns the modes whose order along their axis is the same at all tabulated fill heights.
 
     Modes in order of frequency change places as the fill height changes.
     """

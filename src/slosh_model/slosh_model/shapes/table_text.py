@@ -69,7 +69,7 @@ def _csv_points(path: Path, keys: KeyPath) -> tuple[tuple[float, ...], ...]:
 
 
 def _cells(text: str) -> list[list[str]]:
-    """Splits lines at commas, or at semicolons, tabs or spaces, with a decimal comma or point."""
+    """Splits lines into cells; detects separator (, ; tab or space) and decimal mark."""
     separator = next((one for one in (";", "\t") if one in text), "," if "," in text else None)
     lines = [line.strip("\ufeff ") for line in text.splitlines()]
     if separator is None:

@@ -121,7 +121,7 @@ class TroughContainer(ProfiledContainer):
 
     @property
     def linear_height(self) -> float:
-        """Height above which waves are nonlinear [m]: too steep, or on a sloping wall."""
+        """Wave height [m] above which the linear model fails: too steep, or on a sloping wall."""
         fastest = max(self.natural_frequency(1, axis) for axis in (X_AXIS, Y_AXIS))
         slope = abs(self.widening)
         return min(
@@ -131,7 +131,7 @@ class TroughContainer(ProfiledContainer):
         )
 
     def side_view(self, axis: int = X_AXIS) -> Array:
-        """Returns half of a rectangle of its length along x, or of its section along y [m]."""
+        """Returns half of the side view [m]: a rectangle along x, the cross-section along y."""
         if axis == X_AXIS:
             return Container.side_view(self, axis)
         return super(TroughContainer, self).side_view(axis)
@@ -196,7 +196,7 @@ class Trough(TroughContainer):
 
     @property
     def _both(self) -> Points:
-        """Returns the points from rim to rim about y = 0, of a half those of both halves."""
+        """Section's points from rim to rim, centred on y = 0; a half section is mirrored."""
         points = self.profile
         if points[0][0] == 0.0 < points[1][0] and points[0][1] < points[-1][1]:
             return (*((-y, z) for y, z in points[:0:-1]), *points)

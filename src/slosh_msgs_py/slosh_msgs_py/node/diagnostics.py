@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -13,6 +14,7 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_base.files.plain_text import plain_line
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.guarded import GuardedNode
+from slosh_msgs_py.node.hardware import HARDWARE_ID, hardware_id
 from slosh_msgs_py.node.readiness import READY, STATE, Readiness
 
 OK, WARN, ERROR, STALE = (
@@ -69,6 +71,7 @@ class DiagnosticsReporter:
         self._publisher = node.create_publisher(
             DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS
         )
+        self._hardware_id = hardware_id(node.get_namespace(), os.environ.get(HARDWARE_ID, ""))
         self._timer = node.create_timer(PERIOD, self.report, clock=self._steady)
 
     def latency(self, nanoseconds: int) -> None:
@@ -145,7 +148,7 @@ class DiagnosticsReporter:
             level=level,
             name=name,
             message=plain_line(sentence),
-            hardware_id="",
+            hardware_id=self._hardware_id,
             values=[
                 KeyValue(key=key, value=plain_line(str(value))) for key, value in pairs.items()
             ],

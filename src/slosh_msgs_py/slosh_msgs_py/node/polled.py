@@ -38,7 +38,7 @@ class PolledNode(GuardedNode):
         return made
 
     def drop_polled(self, subscription: Subscription | None) -> None:
-        """Ends a subscription that is polled; None: does nothing."""
+        """Ends a subscription that is polled; does nothing for None."""
         if subscription is not None:
             self._polled.discard(subscription)
             self.destroy_subscription(subscription)

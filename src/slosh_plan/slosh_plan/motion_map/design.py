@@ -71,7 +71,7 @@ class Stroke:
         return self.ratio * self.cycle(speed)
 
     def inputs(self, profile: Law, speed: float, cycles: float) -> Inputs:
-        """Returns the acceleration of a number of cycles as input of the model."""
+        """Returns the container's acceleration over a number of cycles as simulation input."""
         duration, cycle = self.duration(speed), self.cycle(speed)
         step = duration / TUNING.map_rows
         t: Array = step * np.arange(math.ceil(cycles * cycle / step) + 1, dtype=np.float64)
@@ -97,7 +97,7 @@ class StrokeHeights:
     jerk: float
 
     def excess(self, limits: PlanLimits) -> float:
-        """Returns the largest relative excess over a limit; up to 0 if all limits are kept."""
+        """Returns the largest relative excess over a limit; at most 0 if all limits are kept."""
         names = ("acceleration", "jerk", "residual")
         used = [getattr(self, name) / getattr(limits, name) for name in names]
         return float(max(self.peak / limits.height, *used)) - 1.0
@@ -175,7 +175,7 @@ def _program(
     limits: PlanLimits,
     before: Profile | None,
 ) -> Profile | None:
-    """Solves a linear program for the weights, peak, residual and changes of a time law."""
+    """Finds the spline weights of the time law with the lowest waves by a linear program."""
     u = np.linspace(0.0, 1.0, TUNING.map_rows // 2 + 1)
     acceleration, share = spline(np.eye(COUNT)), 1.0 - TUNING.map_slack
     shares = [
@@ -185,7 +185,7 @@ def _program(
     size = 2 * COUNT + 2
 
     def rows(block: Array, column: int | None, least: Array) -> tuple[Array, Array]:
-        """Returns the inequalities |block · weights + least| ≤ a column's unknown, or ≤ 1."""
+        """Returns the rows of |block · weights + least| ≤ bound: a column's unknown, or 1."""
         full = np.zeros((2 * len(block), size))
         full[:, :COUNT] = np.concatenate([block, -block])
         bound = np.concatenate([-least, least])

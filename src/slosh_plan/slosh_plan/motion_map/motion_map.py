@@ -134,7 +134,7 @@ def _joined(
     checked: list[tuple[float, StrokeHeights]],
     depth: int = 0,
 ) -> bool:
-    """Appends a row; first inserts rows between if interpolated motions would exceed a limit.
+    """Appends a row to the map; first inserts rows if interpolated motions exceed a limit.
 
     Returns:
         whether the row was added; else all rows up to the last safe one were.

@@ -107,7 +107,7 @@ END_FUNCTION_BLOCK
 
 
 def _all(found: MotionMap) -> Array:
-    """Returns the coefficients of the position [m] by row, segment and power."""
+    """Returns the position's coefficients [m] by row of the map, segment and power."""
     return found.stroke.length * np.array([row.profile.coefficients() for row in found.rows])
 
 

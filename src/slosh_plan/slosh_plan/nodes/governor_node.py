@@ -84,7 +84,7 @@ class GovernorNode(PreparedNode):
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
-        """Compiles or loads the compiled code, and checks what is to be governed."""
+        """Compiles or loads the compiled code, and checks that the container can be governed."""
         for module in ("slosh_model.kernel", "slosh_plan.governor"):
             load_telling(progress, module)
         governor_of(self._tray, self._values)
@@ -121,7 +121,7 @@ class GovernorNode(PreparedNode):
         self.create_timer(1.0 / values["rate"], self._step)
 
     def _renew(self, stamp_ns: int = 0) -> None:
-        """Starts a governor for what the gripper holds, at rest where the robot is."""
+        """Starts a governor for the gripper's present content, at the robot's present position."""
         tray = self._container.tray
         held = tray if tray.present else tray.first.model
         try:

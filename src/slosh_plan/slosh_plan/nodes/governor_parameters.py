@@ -25,7 +25,8 @@ PARAMETERS = (
     ParameterSpec("max_jerk", JERK, "limit of the jerk [m/s³]", (0.1, 10_000.0)),
     ParameterSpec("rate", 100.0, "steps and messages per second", (20.0, 1000.0)),
     ParameterSpec(
-        "timeout", TUNING.governor_timeout, "time for which a command holds [s]", (0.01, 10.0)
+        "timeout", TUNING.governor_timeout,
+        "age after which a command is no longer followed [s]", (0.01, 10.0),
     ),
     ParameterSpec(
         "frequency_error", ModelDoubt().frequency,
@@ -51,11 +52,13 @@ PARAMETERS = (
     ParameterSpec("tool_frame", "", "link of the robot that is the container or tray"),
     JOINT_LIMITS,
     ParameterSpec(
-        "max_joint_acceleration", 10.0, "limit of joints that have none [rad/s² or m/s²]",
+        "max_joint_acceleration", 10.0,
+        "acceleration limit of joints whose files give none [rad/s² or m/s²]",
         (0.01, 1000.0),
     ),
     ParameterSpec(
-        "max_joint_jerk", 200.0, "limit of joints that have none [rad/s³ or m/s³]",
+        "max_joint_jerk", 200.0,
+        "jerk limit of joints whose files give none [rad/s³ or m/s³]",
         (0.1, 100_000.0),
     ),
     ParameterSpec(

@@ -17,7 +17,7 @@ from slosh_msgs_py import qos, topics
 
 
 class ContainerWatch:
-    """Follows what the gripper holds: one container, or a tray.
+    """Follows the gripper's content: one container, or a tray.
 
     Args:
         node: the node.
@@ -39,7 +39,7 @@ class ContainerWatch:
 
     @property
     def described(self) -> str:
-        """Describes in one line what the gripper holds."""
+        """Describes the gripper's content in one line."""
         if not self.tray.is_tray:
             return self._described
         pairs = (f"{one.name} {one.model.container.described}" for one in self.tray.present)

@@ -49,7 +49,7 @@ def _of_state(message: JointState, joints: Sequence[str], _: str) -> Command:
 
 
 def _of_trajectory(message: JointTrajectory, joints: Sequence[str], _: str) -> Command:
-    """Creates the command of a trajectory of one point, as MoveIt Servo sends it."""
+    """Creates the joint command from a one-point trajectory, as MoveIt Servo sends it."""
     stamp_ns, names = to_nanoseconds(message.header.stamp), message.joint_names
     if len(message.points) != 1:
         return joint_command(stamp_ns, joints, names, (), ())
@@ -85,7 +85,7 @@ def _values(
 def joint_trajectory(
     moving: Sequence[Governed], joints: Sequence[str], period: float, first: int = 0
 ) -> JointTrajectory:
-    """Creates the message of steps.
+    """Creates the JointTrajectory message of successive steps of the governor.
 
     Args:
         moving: the steps; the stamp is that of the first.
@@ -128,7 +128,7 @@ JOINT_TOPICS: Mapping[str, JointTopics] = {
 
 
 def robot_of(parameters: Mapping[str, Any]) -> CarryingRobot | None:
-    """Reads the robot whose joints are commanded; None: commands are of the container.
+    """Reads the robot whose joints are commanded; None if the container is commanded instead.
 
     Args:
         parameters: of the governor by name.
@@ -166,7 +166,7 @@ class JointPlaces:
         self._known: dict[str, float] = {}
 
     def hear(self, message: JointState) -> None:
-        """Takes the positions of a joint state; one with another count of numbers has none."""
+        """Stores the positions of a joint state; ignores one without a position for each name."""
         if len(message.position) != len(message.name):
             return
         for name, value in zip(message.name, message.position, strict=True):

@@ -74,7 +74,7 @@ class NewestEstimate:
         return LiquidState(modal_of(message.linear), modal_of(message.nonlinear))
 
     def state_for(self, tray: Tray) -> LiquidStates:
-        """Returns the present state of the liquid that the gripper holds; see `state`.
+        """Returns the present state of the liquid in the gripper's container; see `state`.
 
         Returns:
             of a tray the state of each container that is there, by its name.

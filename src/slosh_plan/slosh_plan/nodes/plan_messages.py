@@ -133,8 +133,8 @@ def _kept(attitude: Array) -> Array:
     changed = np.flatnonzero(angles > TURNED)
     if len(changed):
         raise SloshEstimatorError(
-            f"{NAME}: the attitude changes at point {changed[0]}: planned are paths of a "
-            "container that keeps it"
+            f"{NAME}: the attitude changes at point {changed[0]}: give one attitude "
+            "for all points; only such paths are planned"
         )
     first: Array = turns[0]
     return first

@@ -18,7 +18,7 @@ from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compilation import load_telling
 from slosh_base.compiled.compile_cache import sources_digest
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.nodes.heard_input import message_class
+from slosh_estimator.nodes.input_subscription import message_class
 from slosh_model.tray import read_tray
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import OK, WARN, Health
@@ -238,7 +238,7 @@ class RelayNode(PreparedNode):
         return future.result()
 
     def _gone(self) -> Callable[[], bool]:
-        """Returns a function that tells whether the controller has been away for too long."""
+        """Returns a function that returns whether the controller has been away for too long."""
         seen = [time.monotonic()]
 
         def look() -> bool:

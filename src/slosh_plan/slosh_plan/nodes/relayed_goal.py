@@ -132,8 +132,8 @@ def _waypoints(
         missing = [name for name in names if name not in standing]
         if missing:
             raise SloshEstimatorError(
-                f"{NAME} begins at {t[0]:.3g} s and nothing tells where joint {missing[0]!r} "
-                "stands: publish joint states, or begin at 0 s"
+                f"{NAME} begins at {t[0]:.3g} s and the position of joint {missing[0]!r} is "
+                "unknown: publish joint states, or begin at 0 s"
             )
         here = np.array([standing[name] for name in names])
         t = np.concatenate([[0.0], t])
@@ -151,14 +151,14 @@ def _waypoints(
 
 
 def _motion(given: JointWaypoints, robot: CarryingRobot) -> Trajectory:
-    """Computes the container's motion as a controller executes the waypoints; checks these."""
+    """Computes the container's motion while a controller executes the checked waypoints."""
     return robot.arm.motion(
         given.t, given.names, given.position, given.velocity, given.acceleration, NAME
     )
 
 
 def _with_velocities(goal: Any, given: JointWaypoints) -> Any:
-    """Returns the goal; missing velocities are those with which it was checked.
+    """Returns the goal, with the checked motion's velocities at points that lack them.
 
     Between bare positions a controller moves on straight lines, and jumps in velocity.
     """

@@ -13,8 +13,8 @@ TOOL_AND_GROUP: Final = (
     ),
     ParameterSpec(
         "group", "",
-        "group of the SRDF whose joints move; others that carry the container are held at 0 "
-        "unless they are given; empty: all move",
+        "group of the SRDF whose joints are planned; other joints that carry the container keep "
+        "the given position, or 0 without one; empty: all joints are planned",
     ),
 )  # fmt: skip
 JOINT_LIMITS: Final = ParameterSpec(

@@ -22,7 +22,7 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShownMotion:
-    """A motion along the path, as a plan's HTML page shows it.
+    """A motion along the path that a plan's HTML page shows, with its title.
 
     Attributes:
         title: for people.

@@ -52,7 +52,7 @@ def make_report(model: Model, plan: Plan, waypoints: Waypoints, subtitle: str = 
 
 
 def proposed_motion(waypoints: Waypoints) -> PlannedMotion:
-    """Returns the rest-to-rest motion with the times of the waypoints, at 1 kHz.
+    """Returns the rest-to-rest motion, at 1 kHz, that keeps the waypoints' given times.
 
     Raises:
         SloshPlanError: they make none: too few, gaps, accelerations of another unit.

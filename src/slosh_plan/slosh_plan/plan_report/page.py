@@ -75,7 +75,7 @@ class ChartSeries:
 
 
 def drawn(report: PlanReport) -> list[ShownMotion]:
-    """Returns the motions that the time charts show: all but those that take much longer."""
+    """Returns the motions for the time charts, without those that take much longer."""
     longest = LONGER * report.scaled.found.motion.duration
     return [one for one in report.motions if one.found.motion.duration <= longest]
 
@@ -211,7 +211,7 @@ def path_chart(report: PlanReport, axes_shown: tuple[int, int], size: Size, name
 
 
 def _top(series: ChartSeries) -> float:
-    """Returns the upper end of the vertical axis, from the limit and the planned motion."""
+    """Returns the vertical axis' upper end: above the limit and the planned motion."""
     planned = float(np.max(series.lines[-1][1]))
     if series.limit is not None:
         return HEADROOM * max(series.limit, planned)

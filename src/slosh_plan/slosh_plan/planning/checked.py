@@ -25,7 +25,7 @@ TOLERANCE = 1e-9
 
 
 class LooseContainer(NamedTuple):
-    """A container that stands loosely on a tray, for the check of motions.
+    """A container that stands loosely on a tray, as needed to check motions of the tray.
 
     Attributes:
         standing: how it stands.
@@ -76,7 +76,7 @@ class CheckedMotion:
     standing: Mapping[str, float] = field(default_factory=dict)
 
     def excess(self, limits: PlanLimits) -> dict[str, float]:
-        """Returns the relative excess over each limit; a value up to 0 means it is kept."""
+        """Returns the relative excess over each limit; at most 0 if the limit is not exceeded."""
         plain = ("acceleration", "jerk", "tilt_rate", "tilt_acceleration")
         shares = {name: getattr(self, name) / getattr(limits, name) - 1.0 for name in plain}
         used = {**self.joints, **self.standing}
@@ -153,7 +153,7 @@ class Checker:
 
 
 def _higher(one: CheckedMotion, other: CheckedMotion) -> CheckedMotion:
-    """Raises a motion's upper heights to the heights of another model, where these are higher."""
+    """Raises a motion's upper heights to those of another model where these are higher."""
     return replace(
         one,
         upper=max(one.upper, other.peak),

@@ -71,7 +71,7 @@ class LegUnknowns:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
-    """A group of constraints: values, and the non-zero entries of their derivatives."""
+    """A group of constraints: values, bounds, and non-zero entries of their derivatives."""
 
     values: Expression
     lower: Array
@@ -274,7 +274,7 @@ class CollocationProblem:
 
 
 def _entries(blocks: Expression) -> Expression:
-    """Returns the structurally non-zero entries of adjacent blocks."""
+    """Returns the structurally non-zero entries of CasADi matrices that are side by side."""
     return blocks.nz[:]
 
 

@@ -81,7 +81,7 @@ def passing_times(motion: PlannedMotion, waypoints: Array) -> Array:
 
 
 def _first_nearest(away: Array) -> int:
-    """Returns the sample index of the first close approach to a waypoint, or of the nearest."""
+    """Returns the sample index of the first close approach to a waypoint, else of the nearest."""
     near = away <= TUNING.near
     if not near.any():
         return int(np.argmin(away))

@@ -59,7 +59,7 @@ class Flow:
     axes: float = 0.0
 
     def turned(self, vector: Sequence[Expression], angle: float) -> Sequence[Expression]:
-        """Rotates pairs of horizontal components, of which a vector begins with one or has two."""
+        """Rotates pairs of horizontal components (x, y) of a vector by an angle [rad]."""
         if self.axes == 0.0:
             return vector
         c, s, found = math.cos(angle), math.sin(angle), list(vector)
@@ -106,12 +106,12 @@ class Flow:
         return [(myy * fx - mxy * fy) / determinant, (mxx * fy - mxy * fx) / determinant]
 
     def heights(self, q: Expression, limit: Expression) -> list[Expression]:
-        """Returns expressions that are at most 1 if the height keeps a limit [m]."""
+        """Returns expressions that are at most 1 if the wave stays below a height limit [m]."""
         x, y = self.gain[0] * q[0] / limit, self.gain[1] * q[1] / limit
         return [x + y, x - y, -x - y, y - x] if self.cornered else [x * x + y * y]
 
     def residual(self, q: Expression, limit: Expression, share: Expression) -> list[Expression]:
-        """Returns expressions that are at most 0 if the residual wave keeps a limit [m].
+        """Returns expressions that are at most 0 if the residual wave stays below a limit [m].
 
         The wave runs on an ellipse whose half axes a, b follow from a² + b² = E, ab = L; its
         largest height is a ≤ 1 where 1 - E + L² ≥ 0 and E ≤ 2 (heights by the limit).
@@ -158,7 +158,7 @@ def flow_of(model: Model) -> Flow:
 
 
 def first_mode(model: Model, modal: Array) -> Array:
-    """Returns (N, 4) the states of `Flow` of a simulated motion.
+    """Returns the first mode's states (N, 4) in a simulated motion, as `Flow` defines them.
 
     Args:
         model: the model.

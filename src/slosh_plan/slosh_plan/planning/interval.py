@@ -75,7 +75,7 @@ class StateLayout:
 
     @property
     def control_scale(self) -> Array:
-        """Scale (driven,) of the third derivatives."""
+        """Scale (driven,) of the controls, so that the solver's numbers are about 1."""
         return np.array([50.0, *([100.0] * (self.driven - 1))])
 
     @property
@@ -109,7 +109,7 @@ class Interval:
 
     @property
     def curve(self) -> int:
-        """Number of columns of joint demands that are interpolated along a leg of the path."""
+        """Number of quantities that are interpolated along a leg for the limits of the joints."""
         return CURVE if self.joints is None else self.joints.width
 
     @property
@@ -189,7 +189,7 @@ class Interval:
         return zero, kept
 
     def _parts(self, unknowns: Expression) -> tuple[Expression, list[Expression], Expression, Any]:
-        """Returns time step, states at both ends, controls and the liquid's middle state (SI)."""
+        """Splits the unknowns: time step, end states, controls, the liquid's middle state (SI)."""
         ca = casadi()
 
         layout = self.layout
@@ -200,7 +200,7 @@ class Interval:
         return duration / self.count, states, control * layout.control_scale, liquid
 
     def _driven(self, full: Expression, thirds: Expression, time: Expression) -> list[Expression]:
-        """Extrapolates path position and tilts by a time after a node."""
+        """Extrapolates path position and tilts over a time from a node, with constant jerk."""
         found: list[Expression] = []
         for n in range(self.layout.driven):
             chain = [full[CHAIN * n + k] for k in range(CHAIN)]
@@ -233,7 +233,7 @@ class Interval:
         return ca.vertcat(*rates), kept
 
     def _felt(self, full: Expression, acceleration: Expression, curve: Expression) -> Expression:
-        """Returns the acceleration in container axes; includes gravity's part if it tilts."""
+        """Returns the acceleration of the liquid in container axes, with gravity if it tilts."""
         ca = casadi()
 
         if self.joints is not None:
@@ -278,7 +278,7 @@ def _expanded(terms: Expression, distance: Expression, width: int) -> Expression
 
 
 def _later(chain: list[Expression], third: Expression, t: Expression) -> list[Expression]:
-    """Extrapolates a value and its two derivatives with a constant third derivative."""
+    """Extrapolates a value, its first and second derivative; the third one is constant."""
     s, v, a = chain
     return [s + t * (v + t * (a / 2 + t * third / 6)), v + t * (a + t * third / 2), a + t * third]
 

@@ -38,7 +38,7 @@ class JointDemands:
 
     @property
     def width(self) -> int:
-        """Number of columns of joint demands that are interpolated along a leg of the path."""
+        """Number of quantities that are interpolated along a leg for the limits of the joints."""
         count = len(self.limits.names)
         return CURVE + TURN + ORDERS * count * (2 if self.torques else 1)
 
@@ -91,7 +91,7 @@ class JointDemands:
         return found
 
     def _terms(self, curve: Expression, block: int) -> Iterator[tuple[int, list[Expression]]]:
-        """Yields three terms for each joint, as path derivatives or as torque terms."""
+        """Yields the interpolated terms of each joint: path derivatives or torque terms."""
         count = len(self.limits.names)
         begin = CURVE + TURN + block * ORDERS * count
         for n in range(count):
@@ -99,7 +99,7 @@ class JointDemands:
 
 
 def joint_columns(slope: Array, bend: Array, change: Array, torques: Array | None) -> Array:
-    """Returns the joints' columns along a path, which `JointDemands` interpolates.
+    """Joins the joints' derivatives and torque terms to the columns of `JointDemands`.
 
     Args:
         slope, bend, change: (N, J) the joints' first three derivatives by s.

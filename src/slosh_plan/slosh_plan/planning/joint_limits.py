@@ -92,7 +92,7 @@ def read_joint_limits(path: Path) -> dict[str, dict[str, float]]:
 def parse_joint_limits(
     text: str, source: str = "joint_limits.yaml"
 ) -> dict[str, dict[str, float]]:
-    """Returns the same from the text of such a file.
+    """Parses the text of MoveIt's joint_limits.yaml; returns limits by joint and name.
 
     Raises:
         SloshFileError, SloshPlanError: as `read_joint_limits`.

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
-from slosh_model.tilt import FELT, largest_tilt
+from slosh_model.tilt import TILT_THRESHOLD, largest_tilt
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.joints import Arm
 from slosh_plan.planning.joint_demands import JointDemands, joint_columns
@@ -49,7 +49,7 @@ class JointLeg(Leg):
     follows_yaw: bool
 
     def columns(self, s: Array) -> Array:
-        """Returns the quantities along the leg that the search interpolates, one per column."""
+        """Returns the quantities that the search interpolates along the leg, one per column."""
         motion = Leg.columns(self, s)
         turned = self._liquid_axes(s).reshape(len(s), -1)
         slope, bend, change = (self.joint_derivative(s, order) for order in (1, 2, 3))
@@ -67,7 +67,7 @@ class JointLeg(Leg):
         return found.reshape(len(s), 3, -1)
 
     def lean(self) -> tuple[float, float]:
-        """Gravity along the container's floor at rest at the start of the leg [m/s²]."""
+        """Gravity's component along the container's floor, at rest at the leg's start [m/s²]."""
         x, y, _ = GRAVITY * self._liquid_axes(np.zeros(1))[0, :, 2]
         return float(x), float(y)
 
@@ -127,7 +127,7 @@ def joint_path(
             f"{name}: the container is tilted by {math.degrees(tilt):.0f}° at the start: the tool "
             "frame's z axis must be the container's axis, which points up"
         )
-    return replace(path, legs=legs, tilts=largest_tilt(at) > FELT)
+    return replace(path, legs=legs, tilts=largest_tilt(at) > TILT_THRESHOLD)
 
 
 def _carried(

@@ -44,7 +44,7 @@ def septic(u: Array) -> tuple[Array, Array, Array]:
 
 
 def _steady(share: float) -> UnitLaw:
-    """Returns a time law of constant speed between two smooth ramps, for curved paths."""
+    """Returns a time law with constant speed between two smooth ramps, for curved paths."""
 
     def law(u: Array) -> tuple[Array, Array, Array]:
         u = np.clip(u, 0.0, 1.0)
@@ -110,7 +110,7 @@ class KnownLaw:
 
 @dataclass(frozen=True, slots=True)
 class Scaled:
-    """A known time law, slowed so that it keeps the limits.
+    """A known time law, slowed until its motion exceeds no limit.
 
     Attributes:
         law: its name.
@@ -219,7 +219,7 @@ def _least(make: Make, limits: PlanLimits) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """Rule for the speed along a curved path as a function of its curvature.
+    """Rule that lowers the speed along a curved path where its curvature is high.
 
     Attributes:
         power: 0: an even speed; 1/3: the two-thirds power law, at which an ellipse is gone through
@@ -243,7 +243,7 @@ PACES: Mapping[str, Pace] = MappingProxyType(
 
 @dataclass(frozen=True)
 class PacedLeg:
-    """A leg with a new parameter from 0 to 1, along which the speed follows a rule.
+    """A leg of a path that is run more slowly where the path is strongly curved.
 
     Attributes:
         leg: the leg.

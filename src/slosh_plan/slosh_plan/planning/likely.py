@@ -44,7 +44,7 @@ class LikelyModels:
     steps: Array
 
     def nearer(self, index: int, share: float) -> Model:
-        """Returns a model that differs from the most likely one by a share of what another does.
+        """Returns a model whose parameter errors are a fraction of those of another model.
 
         Args:
             index: of the other.
@@ -88,7 +88,7 @@ def likely_models(model: Model, count: int = SAMPLES, seed: int = SEED) -> Likel
 
 
 def _possible(model: Model, names: tuple[str, ...], step: Array) -> Model:
-    """Returns a model with parameters changed by a step, or by the largest possible part of it."""
+    """Changes a model's parameters by a step, or by the largest possible fraction of it."""
     centre = np.array([parameter_value(model, name) for name in names])
     for share in np.linspace(1.0, 0.0, 21):
         try:

@@ -60,7 +60,7 @@ class LegGuess:
         return len(self.controls[0]) > 1
 
     def slowed(self, factor: float) -> LegGuess:
-        """Returns the motion slowed by a factor; the liquid stays as it was."""
+        """Returns the guess with its motion slowed by a factor and the same liquid states."""
         states, driven = self.states.copy(), self.controls.shape[1]
         states[:, : CHAIN * driven] /= np.tile(factor ** np.arange(CHAIN), driven)
         return LegGuess(factor * self.duration, states, self.controls / factor**3, self.middles)

@@ -55,7 +55,7 @@ class Leg:
         return tuple(np.asarray(spline(inside)) for spline in self.derivatives[: orders + 1])
 
     def lean(self) -> tuple[float, float]:
-        """Gravity along the container's floor at rest at the start of the leg [m/s²]."""
+        """Gravity's component along the container's floor, at rest at the leg's start [m/s²]."""
         return 0.0, 0.0
 
     def columns(self, s: Array) -> Array:
@@ -260,7 +260,7 @@ def _through(at: Array, points: Array, first: Array | None, last: Array | None) 
 
 
 def _conditions(ends: tuple[list[tuple[int, Array]] | None, ...]) -> Any:
-    """Returns the end conditions for scipy; natural ones where the tangent is free."""
+    """Returns the end conditions for SciPy's splines; natural ones where the tangent is free."""
     if all(end is None for end in ends):
         return None
     none = np.zeros_like(next(end for end in ends if end is not None)[0][1])

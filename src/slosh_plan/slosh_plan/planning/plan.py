@@ -177,7 +177,7 @@ def demanded(
     error: ModelError | None,
     loose: LooseContainer | None,
 ) -> tuple[Checker, PlanLimits, PlanLimits, float]:
-    """Returns the check of motions, limits to keep with and without the error, and the yaw [rad].
+    """Returns the motion checker, the limits with and without the model's error, the yaw [rad].
 
     Args:
         model, path, attitude, margin, error, loose: as of `plan`.
@@ -193,7 +193,7 @@ def demanded(
 
 
 def distance_to_rim(model: Model, found: CheckedMotion) -> float:
-    """Returns the vertical distance that a motion leaves to the rim [m]; NaN: unknown."""
+    """Returns the vertical distance between a motion's highest liquid and the rim [m], or NaN."""
     return float(model.container.wall.place(found.peak).distance_to_rim)
 
 
@@ -228,7 +228,7 @@ def tilting(model: Model, limits: PlanLimits, path: Path) -> Model:
             "the joints determine how the container tilts: plan their path without a limit of "
             "the tilt"
         )
-    return model.feeling_gravity() if limits.tilt > 0.0 or path.tilts else model
+    return model.with_gravity_tilt() if limits.tilt > 0.0 or path.tilts else model
 
 
 def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:

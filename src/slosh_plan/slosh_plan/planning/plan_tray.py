@@ -49,7 +49,7 @@ class TrayPlan(NamedTuple):
 
 
 def no_error(model: str) -> ModelError | None:
-    """Returns None: the error of no model is known."""
+    """Returns None for every model, since no model error is known."""
     return None
 
 
@@ -127,7 +127,7 @@ def plan_container(
     watch: Watch | None = None,
     robust: bool = False,
 ) -> TrayPlan:
-    """Plans for a tray or a single container within a time; see `plan` and `plan_tray`.
+    """Plans a motion of a tray or a single container; limits the computing time.
 
     Args:
         tray: a tray, or a model as a tray of one.

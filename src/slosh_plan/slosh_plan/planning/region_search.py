@@ -60,7 +60,7 @@ def upper_heights(
     attitude: Array | None,
     error: ModelError | None,
 ) -> tuple[Array, Array]:
-    """Simulates a motion with many models.
+    """Returns the heights of a motion with many models, and the upper ends of their intervals.
 
     Args:
         models: the models.
@@ -106,7 +106,7 @@ def likely_standing(
 
 
 class RegionFound(NamedTuple):
-    """Result of the search for all likely models.
+    """Result of the search for the fastest motion that is safe with all likely models.
 
     Attributes:
         judged: the motion; None: none keeps the limits.
@@ -134,7 +134,7 @@ class RegionSearch:
     def judged(
         self, motion: CheckedMotion, legs: Legs = (), models: Sequence[Model] | None = None
     ) -> Judged:
-        """Simulates a motion with likely models: all of them, if none are given."""
+        """Simulates a motion with the given models, or with all likely models."""
         check, limits = self.search.check, self.search.limits
         models = models or self.likely.models
         heights, upper = upper_heights(models, motion.motion, check.attitude, check.error)
@@ -191,7 +191,7 @@ class RegionSearch:
         return RegionFound(self.slowed(now), len(chosen), words)
 
     def slowed(self, start: Judged) -> Judged | None:
-        """Returns a motion, uniformly slowed until all limits are kept; None if that is too slow.
+        """Returns a motion, slowed until no limit is exceeded; None if that would be too slow.
 
         Args:
             start: the motion as fast as a search found it.
@@ -237,7 +237,7 @@ class RegionSearch:
         asked: PlanLimits,
         factors: Sequence[float],
     ) -> Iterator[tuple[PathSearch, Legs]]:
-        """Yields an optimisation with initial guesses, each for when the last one failed."""
+        """Yields an optimisation with an initial guess, and others in case that it fails."""
         problem = self._problem(start.legs, others)
         for factor in factors:
             legs = tuple(leg.slowed(factor) for leg in start.legs)
@@ -254,7 +254,7 @@ class RegionSearch:
             )  # fmt: skip
 
     def _solution(self, problem: PathSearch, guess: Legs, asked: PlanLimits) -> Judged | None:
-        """Solves an optimisation; returns the motion if it converged."""
+        """Solves an optimisation and simulates its motion; None if it did not converge."""
         search = self.search
         left = search.time_limit - search.watch.elapsed
         solution = problem.solve(asked, guess, left, search.over)

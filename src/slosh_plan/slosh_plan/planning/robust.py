@@ -137,7 +137,7 @@ def plan_robust(
 
 
 def _known_law(region: RegionSearch, best: Judged | None) -> tuple[Scaled | None, Judged]:
-    """Returns the fastest known law that all likely models keep, or the motion if that is faster.
+    """Returns the fastest standard time law safe for all likely models, and the best motion.
 
     Args:
         region: the search.
@@ -178,7 +178,7 @@ def likely_use(
     error: ModelError | None,
     loose: LooseContainer | None = None,
 ) -> float:
-    """Returns the largest share of its limits that a motion uses for all likely parameters.
+    """Returns the largest fraction of its limits that a motion uses for likely models.
 
     Args:
         model: the model, with the covariance of its parameters.
@@ -189,7 +189,7 @@ def likely_use(
     Raises:
         SloshPlanError: the model has no covariance.
     """
-    likely = likely_models(model if motion.attitude is None else model.feeling_gravity())
+    likely = likely_models(model if motion.attitude is None else model.with_gravity_tilt())
     _, upper = upper_heights(likely.models, motion, attitude, error)
     shares = [float(((upper + margin) / [limits.height, limits.residual]).max())]
     if loose is not None:

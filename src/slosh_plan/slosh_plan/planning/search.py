@@ -131,7 +131,7 @@ class OptimalSearch:
         return PathSearch(flows, self.path, self.yaw, durations, tilting=tilting, loose=terms)
 
     def _enough(self, best: Found) -> bool:
-        """Returns whether enough initial guesses have been tried."""
+        """Returns whether enough time was spent on initial guesses, so that no other is tried."""
         share = TUNING.again if best.legs else 1.0
         return self.watch.elapsed >= share * self.time_limit or self.watch.stopped()
 
@@ -198,7 +198,7 @@ class OptimalSearch:
         return "the search's time was up" if late else "the search was stopped"
 
     def checked(self, legs: Legs) -> CheckedMotion | None:
-        """Simulates the motion of an optimisation's result; None if it is too long, or not one."""
+        """Simulates the motion of an optimisation's result; None if its duration is invalid."""
         duration = sum(leg.duration for leg in legs)
         if not (math.isfinite(duration) and 0.0 < duration < LONGEST):
             return None
@@ -217,7 +217,7 @@ class OptimalSearch:
 
 
 def _law_of(found: LegGuess, leg: Leg) -> JerkLaw:
-    """Returns the time law of an optimised leg, adjusted to end exactly at the leg's end."""
+    """Returns the time law of an optimised leg, scaled to end exactly at the leg's end."""
     law = JerkLaw(found.duration, found.controls[:, 0], (0.0, 0.0, float(found.states[0, 2])))
     share = leg.length / max(float(law.nodes()[-1, 0]), 1e-9)
     return JerkLaw(law.duration, share * law.jerk, (0.0, 0.0, share * law.start[2]))

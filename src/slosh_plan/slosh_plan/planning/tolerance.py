@@ -18,7 +18,7 @@ USUAL = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
-    """Effect of an error of the natural frequency on a plan.
+    """Largest error of the natural frequency that a plan tolerates, and its effect on heights.
 
     Attributes:
         error: largest of ERRORS up to which every error keeps both limits of the height, as a

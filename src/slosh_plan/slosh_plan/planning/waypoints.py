@@ -1,4 +1,4 @@
-"""A path in the form in which the user gives it."""
+"""Waypoints of a path, of the container or of joints, as given by the user."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TURNED = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Waypoints:
-    """Waypoints of the container as the user gives them.
+    """Waypoints of the container as given by the user.
 
     Attributes:
         t: (N,) times, a proposal [s].
@@ -31,7 +31,7 @@ class Waypoints:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointWaypoints:
-    """Waypoints of the joints as the user gives them.
+    """Waypoints of the joints as given by the user.
 
     Attributes:
         names: (J,) of the joints.

@@ -132,7 +132,7 @@ def shaped_per_axis(course: PathCourse, chosen: Filter) -> PlannedMotion:
 
 
 def residual_free_motion(course: PathCourse, mode: Damped) -> PlannedMotion:
-    """Returns a motion with equal path and duration whose polynomial leaves no wave.
+    """Returns a motion of equal path and duration whose time law leaves no residual wave.
 
     Raises:
         SloshPlanError: a leg is too short for it.
@@ -239,7 +239,7 @@ def _integrated(trajectory: Trajectory) -> Array:
 
 
 def _ends(path: Path, t: Array, way: Array, speed: Array) -> list[float]:
-    """Returns the end time of each leg [s], at the slowest sample near each corner."""
+    """Returns the end times of the legs [s], at the slowest sample near each corner."""
     ends, length = [0.0], 0.0
     for leg in path.legs[:-1]:
         length += leg.length

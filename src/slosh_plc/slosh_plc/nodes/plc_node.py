@@ -25,7 +25,7 @@ from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN, DiagnosticsReporter,
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.polled import PolledNode, take
 from slosh_msgs_py.node.run import run_node
-from slosh_plc import mqtt
+from slosh_plc.broker_client import read_settings
 from slosh_plc.cell_view import CellView
 from slosh_plc.certificates import read_server_certificate, read_trusted
 from slosh_plc.errors import SloshPlcError
@@ -33,6 +33,7 @@ from slosh_plc.modbus import ModbusServer, ModbusSettings
 from slosh_plc.mqtt import MqttPublisher
 from slosh_plc.opc_ua import OpcUaServer, OpcUaSettings
 from slosh_plc.server import Server, ServerThread
+from slosh_plc.sparkplug import SparkplugNode
 from slosh_plc.tuning import TUNING
 from slosh_replay.recording.settings import node_start
 
@@ -60,6 +61,15 @@ PARAMETERS = (
     ParameterSpec(
         "mqtt_authority", "",
         "PEM file of the authority that signed the broker's certificate; empty: no TLS",
+    ),
+    ParameterSpec(
+        "mqtt_certificate", "", "PEM file of the node's certificate for the broker; empty: none"
+    ),
+    ParameterSpec("mqtt_private_key", "", "PEM file of the private key of mqtt_certificate"),
+    ParameterSpec(
+        "sparkplug_group", "",
+        "group of the Sparkplug B edge node that is published beside the JSON document; empty: "
+        "no Sparkplug",
     ),
 )  # fmt: skip
 
@@ -159,15 +169,22 @@ def servers_of(given: Mapping[str, Any], cell: str) -> list[Server]:
             paths = Path(given["certificate"]), Path(given["private_key"])
             own = read_server_certificate(*paths, datetime.now(UTC))
         folder = given["trusted_clients"]
-        trusted = read_trusted(Path(folder)) if folder else frozenset()
+        trusted = read_trusted(Path(folder)) if folder else ()
         servers.append(
             OpcUaServer(OpcUaSettings(cell, given["host"], given["opc_ua_port"], own, trusted))
         )
     if given["modbus_port"]:
         servers.append(ModbusServer(ModbusSettings(given["host"], given["modbus_port"])))
     if given["mqtt_broker"]:
-        names = ("mqtt_broker", "mqtt_user", "mqtt_password_file", "mqtt_authority")
-        servers.append(MqttPublisher(mqtt.read_settings(cell, *(given[name] for name in names))))
+        names = (
+            "mqtt_broker", "mqtt_user", "mqtt_password_file", "mqtt_authority",
+            "mqtt_certificate", "mqtt_private_key",
+        )  # fmt: skip
+        settings = read_settings(cell, *(given[name] for name in names))
+        servers.append(MqttPublisher(settings))
+        if given["sparkplug_group"]:
+            session = int(time.time())
+            servers.append(SparkplugNode(settings, given["sparkplug_group"], session))
     if not servers:
         raise SloshPlcError("opc_ua_port, modbus_port, mqtt_broker: set at least one of them")
     return servers

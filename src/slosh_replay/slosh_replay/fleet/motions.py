@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.held_folder import is_held
+from slosh_bag.mcap_files.remote_path import bag_path
 from slosh_base.types import Array, Integers
 from slosh_estimator.limits import Kind, Source
 from slosh_estimator.monitor_settings import MonitorSettings
@@ -86,7 +87,7 @@ def motions_of(path: str | Path) -> list[MotionRow]:
     Raises:
         SloshBagError: it cannot be read, is being recorded, or holds no estimates.
     """
-    if is_held(Path(path)):
+    if is_held(bag_path(path)):
         raise SloshBagError(f"{path}: is being recorded; ingest it when it is finished")
     run = RecordedRun(path)
     rows: list[MotionRow] = []
@@ -220,7 +221,7 @@ def _liquid(starts: Sequence[NodeStart]) -> _Liquid:
 
 def _limits(starts: Sequence[NodeStart]) -> Mapping[Source, float]:
     start = latest(starts, "monitor")
-    return MonitorSettings.from_told(start.parameters if start is not None else {}).limits
+    return MonitorSettings.from_partial(start.parameters if start is not None else {}).limits
 
 
 def _read(run: RecordedRun, own: CellTopics, name: str, fields: Sequence[str]) -> _Table:

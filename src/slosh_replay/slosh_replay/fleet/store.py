@@ -1,26 +1,32 @@
 """Fleet store: Parquet files of motions by cell and month, on any file system of fsspec.
 
-STORE/cell=line_1/month=2026-11/<digest>.parquet holds motions of one bag. The name is the digest
-of its rows: the same bag gives the same file, and is stored once. A file appears as a whole.
+STORE/cell=line_1/month=2026-11/<begin>-<end>-<digest>.parquet holds motions of one bag. The name
+has the first and last begin of its motions [ns] and the digest of its rows: the same bag gives the
+same file, and is stored once. A file appears as a whole.
+STORE/ingested/<digest> holds the number of motions of a bag that needs no second reading.
 """
 
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import hashlib
 import importlib
 import io
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.export_sinks import load_pyarrow
+from slosh_bag.mcap_files.remote_path import telling
 from slosh_base.files import write_bytes
 from slosh_replay.fleet.motion_row import COLUMNS, Column, MotionRow
 
 SUFFIX: Final = ".parquet"
+_SPAN: Final = re.compile(r"(\d+)-(\d+)-")
+NOTES: Final = "ingested"
+"""Folder of the notes on ingested bags."""
 ADDED: Final = (
     Column("month", "str", "1", "month of the begin, UTC"),
     Column("begin", "timestamp", "UTC", "begin of the motion"),
@@ -38,11 +44,27 @@ class Added(NamedTuple):
     known: int
 
 
+class Parted(NamedTuple):
+    """The stored motions as pyarrow datasets; None: a part has no file.
+
+    Attributes:
+        once: each motion in it is in one file only.
+        doubtful: a motion in it may be in several files.
+    """
+
+    once: Any
+    doubtful: Any
+
+
 class FleetStore:
     """Motions of many recordings at one place.
 
     Args:
         url: folder, or what fsspec knows, such as s3://bucket/motions.
+
+    Attributes:
+        url: as given.
+        is_disk: whether it is a folder on a disk of this machine.
 
     Raises:
         SloshBagError: the place's protocol is not known or its library is not installed.
@@ -50,11 +72,10 @@ class FleetStore:
 
     def __init__(self, url: str) -> None:
         self.url = url
-        try:
+        with self._naming():
             core = importlib.import_module("fsspec.core")
             self._files, self._root = core.url_to_fs(url)
-        except (ImportError, ValueError) as error:
-            raise SloshBagError(f"{url}: {' '.join(str(error).split())}") from None
+            self.is_disk = "file" in _protocols(self._files)
 
     def add(self, rows: Sequence[MotionRow]) -> Added:
         """Stores the motions of one bag; those that are stored already are left.
@@ -68,15 +89,54 @@ class FleetStore:
         new = 0
         for (cell, month), group in sorted(groups.items()):
             digest = hashlib.sha256("".join(sorted(row.digest for row in group)).encode())
-            path = f"{self._root}/cell={cell}/month={month}/{digest.hexdigest()[:32]}{SUFFIX}"
-            try:
+            begins = sorted(row.begin_ns for row in group)
+            name = f"{begins[0]}-{begins[-1]}-{digest.hexdigest()[:32]}{SUFFIX}"
+            path = f"{self._root}/cell={cell}/month={month}/{name}"
+            with self._naming():
                 if not self._files.exists(path):
                     self._put(path, _packed(group))
                     new += 1
-            except OSError as error:
-                reason = error.strerror or " ".join(str(error).split())
-                raise SloshBagError(f"{self.url}: {reason}") from None
         return Added(len(rows), new, len(groups) - new)
+
+    def noted(self, state: str) -> int | None:
+        """Returns the number of motions of an ingested bag; None: it is not noted.
+
+        Args:
+            state: digest of the bag's state, as given to `note`.
+
+        Raises:
+            SloshBagError: the place cannot be read.
+        """
+        with self._naming():
+            try:
+                return int(self._files.cat_file(self._note(state)))
+            except (FileNotFoundError, ValueError):  # a machine without power may empty a note
+                return None
+
+    def note(self, state: str, motions: int) -> None:
+        """Notes that all motions of a bag are stored.
+
+        Args:
+            state: digest that changes with the bag.
+            motions: their number.
+
+        Raises:
+            SloshBagError: the place cannot be written.
+        """
+        with self._naming():
+            self._put(self._note(state), str(motions).encode())
+
+    def _note(self, state: str) -> str:
+        return f"{self._root}/{NOTES}/{state[:32]}"
+
+    @contextlib.contextmanager
+    def _naming(self) -> Iterator[None]:
+        """Turns an error of the file system into one line that names the store."""
+        try:
+            with telling(self.url):
+                yield
+        except OSError as error:
+            raise SloshBagError(f"{self.url}: {error.strerror}") from None
 
     def dataset(self) -> Any:
         """Returns all stored motions as a pyarrow dataset; the same motion may be in it twice.
@@ -84,32 +144,76 @@ class FleetStore:
         Raises:
             SloshBagError: there are none, or the place cannot be read.
         """
-        arrow, _ = load_pyarrow()
-        dataset = importlib.import_module("pyarrow.dataset")
-        try:
+        return self._dataset(self._paths())
+
+    def parted(self) -> Parted:
+        """Returns all stored motions, those apart that may be in it twice.
+
+        Raises:
+            SloshBagError: there are none, or the place cannot be read.
+        """
+        paths = self._paths()
+        twice = _overlapping(paths)
+        parts = ([path for path in paths if path not in twice], sorted(twice))
+        return Parted(*(self._dataset(part) if part else None for part in parts))
+
+    def _paths(self) -> list[str]:
+        """Returns the paths of all files, sorted.
+
+        Raises:
+            SloshBagError: there are none, or the place cannot be read.
+        """
+        with self._naming():
             # Beside files that are being written, which have other names.
             found = self._files.glob(f"{self._root}/cell=*/month=*/[0-9a-f]*{SUFFIX}")
-            if not found:
-                raise SloshBagError(
-                    f"{self.url}: no motions are stored here; `slosh ingest BAG --store "
-                    f"{self.url}` adds some"
-                )
-            folders = arrow.schema([("cell", arrow.string()), ("month", arrow.string())])
+        if not found:
+            raise SloshBagError(
+                f"{self.url}: no motions are stored here; `slosh ingest BAG --store "
+                f"{self.url}` adds some"
+            )
+        return sorted(found)
+
+    def _dataset(self, paths: Sequence[str]) -> Any:
+        arrow, _ = load_pyarrow()
+        dataset = importlib.import_module("pyarrow.dataset")
+        folders = arrow.schema([("cell", arrow.string()), ("month", arrow.string())])
+        # Arrow reads a disk by itself: through fsspec it would wait for Python at each piece.
+        files = None if self.is_disk else self._files
+        with self._naming():
             return dataset.dataset(
-                sorted(found), filesystem=self._files, format="parquet",
+                paths, filesystem=files, format="parquet",
                 schema=arrow.schema([*_schema(arrow), *folders]),
                 partitioning=dataset.partitioning(folders, flavor="hive"),
             )  # fmt: skip
-        except OSError as error:
-            raise SloshBagError(f"{self.url}: {error.strerror or error}") from None
 
     def _put(self, path: str, data: bytes) -> None:
         """Writes a file as a whole: by its rename on a disk, by one request elsewhere."""
-        if "file" in _protocols(self._files):
+        if self.is_disk:
             _write(Path(path), data)
         else:
             self._files.makedirs(path.rpartition("/")[0], exist_ok=True)
             self._files.pipe_file(path, data)
+
+
+def _overlapping(paths: Sequence[str]) -> set[str]:
+    """Returns the files that may hold a motion of another one: those of a cell at one time."""
+    found: set[str] = set()
+    spans: dict[str, list[tuple[int, int, str]]] = {}
+    for path in paths:
+        folder, _, name = path.rpartition("/")
+        span = _SPAN.match(name)
+        if span is None:
+            return set(paths)
+        cell = folder.rpartition("/")[0]
+        spans.setdefault(cell, []).append((int(span[1]), int(span[2]), path))
+    for own in spans.values():
+        last, holder = -1, ""
+        for begin, end, path in sorted(own):
+            if begin <= last:
+                found |= {holder, path}
+            if end > last:
+                last, holder = end, path
+    return found
 
 
 def _write(path: Path, data: bytes) -> None:
@@ -148,9 +252,8 @@ def _packed(rows: Sequence[MotionRow]) -> bytes:
     """Returns rows as a Parquet file; NaN is null, so that queries leave it out."""
     arrow, parquet = load_pyarrow()
     schema = _schema(arrow)
-    dicts = [dataclasses.asdict(row) | {"begin": row.begin} for row in rows]
     columns = [
-        arrow.array([_known(row[name]) for row in dicts], type=schema.field(name).type)
+        arrow.array([_known(getattr(row, name)) for row in rows], type=schema.field(name).type)
         for name in schema.names
     ]
     stream = io.BytesIO()

@@ -92,7 +92,7 @@ def fields(kind: str) -> tuple[str, ...]:
 
 
 def _columns_of(kind: str) -> str:
-    """Returns the input type whose columns an input has; joints and transforms give poses."""
+    """Returns the type to which an input is converted; poses for joints and transforms."""
     return POSE if kind in POSES else kind
 
 

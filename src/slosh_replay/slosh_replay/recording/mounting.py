@@ -39,7 +39,7 @@ _FRAME = "header.frame_id"
 
 
 class MountingWanted(NamedTuple):
-    """What the user says about a sensor's mounting.
+    """The mounting check that the user wants: sensor, reference and stated mounting.
 
     Attributes:
         sensor, reference: kinds; None: the first of SENSORS, of REFERENCES that is there.

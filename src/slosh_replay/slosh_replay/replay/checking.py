@@ -187,9 +187,20 @@ def _further(result: ReplayResult, tolerance: float | None) -> list[Point]:
     ]
 
 
-def _same(name: str, found: Verification, tolerance: float) -> list[Point]:
+def is_reproduced(found: Verification, tolerance: float = 0.0) -> bool:
+    """Returns whether a replay reproduced the recorded messages.
+
+    Args:
+        found: the comparison.
+        tolerance: allowed difference [SI units]; 0: bit for bit, and within ROUNDING on a machine
+            that rounds otherwise than the recording one.
+    """
     allowed = tolerance or (ROUNDING if found.rounds_otherwise else 0.0)
-    if found.exact or (allowed and found.within(allowed)):
+    return found.exact or (allowed > 0.0 and found.within(allowed))
+
+
+def _same(name: str, found: Verification, tolerance: float) -> list[Point]:
+    if is_reproduced(found, tolerance):
         return [Point(name)]
     return [Point(name, line) for line in found.lines()]
 

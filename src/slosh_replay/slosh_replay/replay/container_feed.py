@@ -1,4 +1,4 @@
-"""The comparisons of a camera that sees a container behind a tray's first, in a replay."""
+"""Compares the camera of a tray's container, other than the first, with a replay's estimates."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class ReplayedContainerMonitor:
         self.events: list[Event] = []
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Processes estimates and measured heights; returns the comparisons."""
+        """Processes estimates and measured heights; returns comparisons of both."""
         for last_ns, tray in self._trays[self._carried :]:
             self._monitor.carry(tray, last_ns)
         self._carried = len(self._trays)
@@ -84,7 +84,7 @@ class ReplayedContainerMonitor:
 
 
 def _monitored(heights: Messages, index: int) -> MonitoredHeights:
-    """Returns the estimates of one container of a tray in the form that a monitor takes."""
+    """Converts the estimates of one container of a tray to the input format of a monitor."""
     if not len(heights.stamps):
         none, whole = np.empty(0), np.empty(0, dtype=np.int64)
         return MonitoredHeights(whole, none, none, whole)
@@ -101,7 +101,7 @@ def _monitored(heights: Messages, index: int) -> MonitoredHeights:
 def container_nodes(
     starts: Sequence[NodeStart], tray_names: Sequence[str]
 ) -> tuple[ReplayedNode, ...]:
-    """Returns a node for each container of a tray whose camera a recorded monitor compared.
+    """Returns a replayed node for each container of a tray that has a camera of its own.
 
     Args:
         starts: of the recorded nodes.

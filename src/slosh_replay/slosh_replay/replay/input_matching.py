@@ -21,7 +21,7 @@ its first recorded estimate tells with which input that was."""
 
 
 class Decision(NamedTuple):
-    """Which of the next inputs the live estimator used.
+    """Decision which of the next recorded inputs the live estimator used.
 
     Attributes:
         reached: how many inputs it is about.

@@ -66,7 +66,9 @@ class KnownState:
         trays: Sequence[Verifier] = (),
         comparison: Verifier | None = None,
     ) -> None:
+        self._estimate, self._comparison = verifier, comparison
         self._verifiers = [one for one in (verifier, comparison) if one is not None]
+        self._found_before = False  # the next input is the first one with a known estimate
         self._trays = tuple(trays)
         self._losses = losses
         self._states: list[RecordedState] = []
@@ -102,6 +104,7 @@ class KnownState:
             if decision.used[k] and counts[k] == s.used
         ]
         course = Course(False, [])
+        self._find_comparisons(stamps, 0)
         for event in sorted(events, key=lambda event: event[:2]):
             if event.kind == _LOST:
                 course = course._replace(unknown=course.unknown or event.stamp_ns == _LONG_AGO)
@@ -111,6 +114,7 @@ class KnownState:
                     course.states.append((event.place + 1, event.state))
                     self._lag_ns = event.state.stamp_ns - event.stamp_ns
                 self._find(event.stamp_ns)
+                self._find_comparisons(stamps, event.place + (event.kind == _STATE))
         return course
 
     def _counts(self, decision: Decision, at: Sequence[tuple[int, RecordedState]]) -> Integers:
@@ -144,6 +148,9 @@ class KnownState:
         return [*starts, *lost]
 
     def _lose(self, after_ns: int) -> None:
+        if self._found_before and self._comparison is not None:
+            self._comparison.find(after_ns)  # nothing was replayed since
+        self._found_before = False
         for verifier in self._verifiers if self._known else ():
             verifier.lose(after_ns, AT_FIRST if after_ns == _LONG_AGO else LATER)
         for verifier in self._trays:
@@ -154,6 +161,20 @@ class KnownState:
         self._known = False
 
     def _find(self, until_ns: int) -> None:
-        for verifier in self._verifiers:
-            verifier.find(until_ns)
-        self._known = True
+        if self._estimate is not None:
+            self._estimate.find(until_ns)
+        self._known = self._found_before = True
+
+    def _find_comparisons(self, stamps: Integers, place: int) -> None:
+        """Resumes the check of monitor results at the first replayed estimate, if it was found.
+
+        A comparison of an image before it interpolates from an estimate that is not replayed.
+
+        Args:
+            stamps: (N,) of the inputs [ns].
+            place: index of the first input behind the known state.
+        """
+        if self._found_before and place < len(stamps):
+            if self._comparison is not None:
+                self._comparison.find(int(stamps[place]) - self._lag_ns)
+            self._found_before = False

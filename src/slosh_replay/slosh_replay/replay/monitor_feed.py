@@ -32,7 +32,7 @@ _NEVER = 2**63 - 1
 
 
 class MonitoredHeights(NamedTuple):
-    """Estimates in the form in which the monitor takes them.
+    """Estimates in the input format of the monitor.
 
     Attributes:
         stamps: (M,) [ns].
@@ -81,7 +81,7 @@ class MonitorFeed:
         self._next_check = self._newest = -(2**62)
 
     def add(self, estimates: MonitoredHeights, measured: Measurements) -> list[Comparison]:
-        """Adds estimates and measurements; returns the comparisons in order.
+        """Adds estimates and measured heights; returns comparisons of both, in order.
 
         Args:
             estimates: increasing stamps, none before those of earlier calls.
@@ -90,7 +90,7 @@ class MonitorFeed:
         Returns:
             the comparisons in the order in which they were made.
         """
-        felt = _Felt(estimates.stamps, estimates.accelerations)
+        accelerations = _Accelerations(estimates.stamps, estimates.accelerations)
         estimates = chosen(estimates, self._needed(estimates, measured.stamps))
         points = _points(estimates)
         images = _images(measured)
@@ -98,14 +98,14 @@ class MonitorFeed:
         at = 0
         for image in images:
             end = int(np.searchsorted(estimates.stamps, image.stamp_ns, side="right"))
-            found += self._estimates(points[at:end], felt)
+            found += self._estimates(points[at:end], accelerations)
             at = max(at, end)
             found += self._check_until(image.stamp_ns)
             found += self.monitor.add_measurement(image, image.stamp_ns)
-        return found + self._estimates(points[at:], felt)
+        return found + self._estimates(points[at:], accelerations)
 
     def finish(self) -> list[Comparison]:
-        """Returns the remaining comparisons at the end."""
+        """Returns the remaining comparisons of estimates and measured heights at the end."""
         return self.monitor.finish()
 
     def take_events(self) -> list[Event]:
@@ -137,7 +137,9 @@ class MonitorFeed:
         needed[[0, -1]] = True
         return needed
 
-    def _estimates(self, points: list[EstimatePoint], felt: _Felt) -> list[Comparison]:
+    def _estimates(
+        self, points: list[EstimatePoint], accelerations: _Accelerations
+    ) -> list[Comparison]:
         """Adds estimates together with the accelerations up to each of them."""
         found: list[Comparison] = []
         at = 0
@@ -146,7 +148,7 @@ class MonitorFeed:
             until = min(self._next_check, self._due[0][0] + 1 if self._due else _NEVER)
             end = bisect_left(points, until, at, key=lambda point: point.stamp_ns)
             found += self.monitor.add_estimates(points[at:end])
-            felt.tell(self.monitor.motions, points[end - 1].stamp_ns)
+            accelerations.pass_on(self.monitor.motions, points[end - 1].stamp_ns)
             at = end
         return found
 
@@ -165,14 +167,14 @@ class MonitorFeed:
         return found
 
 
-class _Felt:
+class _Accelerations:
     """Accelerations that are passed to the detection of motions in portions."""
 
     def __init__(self, stamps: Integers, accelerations: Array | None) -> None:
         self._stamps, self._accelerations = stamps, accelerations
         self._told = 0
 
-    def tell(self, motions: MotionWatch, until_ns: int) -> None:
+    def pass_on(self, motions: MotionWatch, until_ns: int) -> None:
         """Passes on the accelerations up to a stamp [ns] that were not yet passed on."""
         if self._accelerations is None:
             return
@@ -243,7 +245,7 @@ class ReplayedMonitor:
         self._outputs = setting.outputs
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Processes estimates and measured heights; returns the comparisons."""
+        """Processes estimates and measured heights; returns comparisons of both."""
         for last_ns, tray in self._trays[self._carried :]:
             self.feed.monitor.carry(tray, last_ns)
         self._carried = len(self._trays)
@@ -263,7 +265,7 @@ class ReplayedMonitor:
 
 
 def monitored(estimates: ModelHeights, own: tuple[int, int]) -> MonitoredHeights:
-    """Converts estimates of all models to the form in which the monitor takes them.
+    """Converts estimates of all models to the input format of the monitor.
 
     Args:
         estimates: of all models.

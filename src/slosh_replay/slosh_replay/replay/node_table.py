@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from slosh_estimator.observer.calm import CALM_FIELDS, CalmReason
-from slosh_estimator.observer.states import TOLD_FIELDS
+from slosh_estimator.observer.states import FUSED_FIELDS
 from slosh_estimator.validity import EstimateFlag
 from slosh_msgs_py.topics import (
     CALM,
@@ -77,7 +77,7 @@ def node_table(
             ),
             outputs=(
                 NodeTopic(
-                    FUSED_ESTIMATE, FUSED_TYPE, (*TOLD_FIELDS, *modal), later={"sensed_taken": 0}
+                    FUSED_ESTIMATE, FUSED_TYPE, (*FUSED_FIELDS, *modal), later={"sensed_taken": 0}
                 ),
                 NodeTopic(CALM, CALM_TYPE, CALM_FIELDS, known=_heard),
             ),
@@ -116,7 +116,7 @@ def _force_node(surface: str) -> ReplayedNode:
 
 
 def _waves(surfaces: Messages) -> Messages:
-    """Removes heights of level sensors, which tell no maximum."""
+    """Removes heights of level sensors, since they are not maxima over the wall."""
     return surfaces.rows(np.isfinite(surfaces.columns["msh"]))
 
 

@@ -34,7 +34,7 @@ class Outputs:
         """Receives estimates in the order of their samples."""
 
     def comparisons(self, comparisons: list[Comparison]) -> None:
-        """Receives comparisons in order."""
+        """Receives comparisons of estimated and measured heights, in order."""
 
     def events(self, events: list[Event]) -> None:
         """Receives limit events."""

@@ -31,7 +31,7 @@ FACTS = {"content": "replay"}
 
 
 class OutputBag(Outputs):
-    """Writes estimates, comparisons and limit events to a bag; a context manager.
+    """Writes estimates, compared heights and limit events to a bag; a context manager.
 
     The messages are logged at their stamps: two replays of a bag give the same file.
 
@@ -85,7 +85,7 @@ class OutputBag(Outputs):
             self._writer.write(ESTIMATE_TOPIC, data.tobytes(), stamp)
 
     def comparisons(self, comparisons: list[Comparison]) -> None:
-        """Writes comparisons to the bag."""
+        """Writes comparisons of estimated and measured heights to the bag."""
         for comparison in comparisons:
             fields = comparison._asdict()
             stamp = fields.pop("stamp_ns")

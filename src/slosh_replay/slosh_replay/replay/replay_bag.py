@@ -172,7 +172,7 @@ def replay_bag(
         stream.advance(final=True)
         result = conclude(path.name, sources.input, stream, _origin(started, recorded, used))
     said = [
-        *_unfelt(path, sources, used, how),
+        *_attitude_warnings(path, sources, used, how),
         *input_reader.ignored_tilt(used),
         blocks.trouble(),
         *sorted(lacking),
@@ -196,7 +196,9 @@ def _known_state(verifiers: Mapping[str, Verifier], losses: list[int]) -> KnownS
     return KnownState(estimate, losses, of_trays, comparison)
 
 
-def _unfelt(path: Path, sources: Sources, model: Model, how: InputSettings) -> list[str]:
+def _attitude_warnings(
+    path: Path, sources: Sources, model: Model, how: InputSettings
+) -> list[str]:
     """Warns of model effects that need more attitude data than the input contains."""
     said = [] if how.placed else [attitude_warning(model, sources.kind)]
     if {"qx", "wx"} & set(sources.facts.get(TABLE_COLUMNS, "").split(",")):
@@ -270,8 +272,10 @@ def _replay_table_bag(
         outputs=outputs,
     )  # fmt: skip
     blind = table.attitude is None and table.angular_velocity is None
-    unfelt = (f"{path}: {attitude_warning(model, sources.kind)}",) if blind else ()
-    return replace(result, warnings=(*_warnings(path, reader, sources), *unfelt, *result.warnings))
+    blind_warnings = (f"{path}: {attitude_warning(model, sources.kind)}",) if blind else ()
+    return replace(
+        result, warnings=(*_warnings(path, reader, sources), *blind_warnings, *result.warnings)
+    )
 
 
 def _warnings(path: Path, reader: BagReader, sources: Sources) -> list[str]:
@@ -363,7 +367,7 @@ def _columns(
     topic: NodeTopic | None,
     lacking: set[str],
 ) -> Columns:
-    """Returns the columns of a block; fields that an older version lacked have their value."""
+    """Returns the columns of a block; fields that an older version lacked have a default value."""
     later = {} if topic is None else topic.later
     try:
         return read.columns(block, names)
@@ -406,7 +410,7 @@ def _heard(sources: Sources, nodes: Sequence[ReplayedNode]) -> dict[str, NodeTop
 def _verifiers(
     heard: Mapping[str, NodeTopic], nodes: Sequence[ReplayedNode], *, camera: bool
 ) -> dict[str, Verifier]:
-    """Creates the comparisons of replayed with recorded messages, by last topic name."""
+    """Creates the objects that compare replayed with recorded messages, by last topic name."""
     return {
         topic.name: Verifier(full, topic.can_lack, node.tolerance)
         for full, topic in heard.items()

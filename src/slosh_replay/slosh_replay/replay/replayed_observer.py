@@ -11,7 +11,7 @@ import numpy as np
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.observer.calm import CALM_FIELDS, CalmReason, CalmWatch, calm_fields
 from slosh_estimator.observer.observer import Observer
-from slosh_estimator.observer.states import TOLD_FIELDS, FusedState, WallHeights, told_fields
+from slosh_estimator.observer.states import FUSED_FIELDS, FusedState, WallHeights, fused_fields
 from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
 from slosh_estimator.sample import Samples
 from slosh_estimator.tuning import TUNING
@@ -35,7 +35,7 @@ EMPTY = "the gripper was empty: which heights came after that is not recorded"
 
 
 class ReplayedObserver:
-    """Replays the observer; its recorded states tell which heights the live node used, and when.
+    """Replays the observer; its recorded states show which heights the live node used, and when.
 
     Args:
         setting: of the replay.
@@ -81,7 +81,7 @@ class ReplayedObserver:
         starts = batch.columns["start"].astype(np.int64).tolist()
         for index, (flag, start) in enumerate(zip(flags, starts, strict=True)):
             self._follow(samples, index, flag, start, told, calm)
-        given = {FUSED_ESTIMATE: (told, TOLD_FIELDS), CALM: (calm, CALM_FIELDS)}
+        given = {FUSED_ESTIMATE: (told, FUSED_FIELDS), CALM: (calm, CALM_FIELDS)}
         return {name: _messages(*found) for name, found in given.items() if found[0]}
 
     def _follow(
@@ -110,7 +110,7 @@ class ReplayedObserver:
         if self._lost and self._take_up(observer, sample.stamp_ns):
             return
         if state is not None:
-            told.append((state.stamp_ns, told_fields(state, observer.counts, observer.sensed)))
+            told.append((state.stamp_ns, fused_fields(state, observer.counts, observer.sensed)))
             self._look(state, calm)
 
     def _look(self, state: FusedState, calm: Told) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
 import numpy as np
 
@@ -140,6 +141,18 @@ def report_start(result: ReplayResult) -> int:
     return result.events[0].stamp_ns if result.events else 0
 
 
+def recorded_at(result: ReplayResult) -> str:
+    """Returns the date and time (UTC) of time zero of the report's page, as text."""
+    start = datetime.fromtimestamp(1e-9 * report_start(result), UTC)
+    return f"{start:%Y-%m-%d %H:%M:%S} UTC"
+
+
+def highest(heights: Array) -> float:
+    """Returns the greatest of the known heights [m], or NaN if none is known."""
+    known = heights[np.isfinite(heights)]
+    return float(known.max()) if len(known) else NAN
+
+
 def shown_models(result: ReplayResult) -> tuple[str, str]:
     """Returns the names of the linear and the nonlinear model that a replay's page shows.
 
@@ -170,7 +183,7 @@ def event_spans(events: Sequence[Event], start: int) -> tuple[ExcessSpan, ...]:
 
 
 def _shown(result: ReplayResult) -> slice:
-    """Returns the range of images near estimates; a recording may be much longer."""
+    """Returns the range of images that have estimates nearby; a recording may be much longer."""
     known = [np.flatnonzero(np.isfinite(heights)) for heights in result.heights.values()]
     indices = np.concatenate(known) if known else np.empty(0, dtype=np.int64)
     if len(indices) == 0:
@@ -252,12 +265,11 @@ def _key_figures(
 ) -> tuple[KeyFigure, ...]:
     rows = {row.name: row for row in result.accuracy}
     figures: list[KeyFigure] = []
-    known = result.measured[np.isfinite(result.measured)]
-    told = result.heights[nonlinear][np.isfinite(result.heights[nonlinear])]
-    if len(known):
-        figures.append(KeyFigure("highest measured", float(known.max()), "mm"))
-    elif len(told):
-        figures.append(KeyFigure("highest estimated", float(told.max()), "mm", nonlinear))
+    measured, estimated = highest(result.measured), highest(result.heights[nonlinear])
+    if np.isfinite(measured):
+        figures.append(KeyFigure("highest measured", measured, "mm"))
+    elif np.isfinite(estimated):
+        figures.append(KeyFigure("highest estimated", estimated, "mm", nonlinear))
     if nonlinear in rows and linear in rows:
         l_row, nl_row = rows[linear], rows[nonlinear]
         figures += [

@@ -50,6 +50,10 @@ DRAWN_NS = 20_000_000
 """Without a camera estimates are drawn so often."""
 AHEAD_NS = 10_000_000_000
 """An image that is so far ahead of the inputs that are recorded with it shows another time."""
+BEHIND_LAST_NS = 100_000_000
+"""A message may be recorded before the input that it is made of, so at a recording's end without
+it: with stamps so far behind the last input it is not compared."""
+AT_LAST = "behind the last recorded input"
 MAXIMUM = 2**31 * SECOND - 1
 """The last moment that a stamp can tell [ns]."""
 
@@ -186,6 +190,11 @@ class ReplayStream:
             self.motions.finish()
         until = 2**62 if final else self._settled()
         self._release(until, final)
+        if final and len(self._last_input):
+            last_ns = int(self._last_input[0])
+            for verifier in self.verifiers.values():
+                verifier.lose(last_ns, AT_LAST)
+                verifier.find(last_ns + BEHIND_LAST_NS)
         for name, verifier in self.verifiers.items():
             # A comparison waits for its image, and that for the estimate behind it.
             verifier.compare(until - BEHIND_NS * (name != ESTIMATE), final=final)
@@ -252,7 +261,7 @@ class ReplayStream:
         self._heights = whole
 
     def _release(self, until: int, final: bool) -> None:
-        """Passes all data up to a stamp [ns] to the series and to the later nodes."""
+        """Passes all data up to a stamp [ns] to the stored series and to the dependent nodes."""
         if self.unrelated and not final:
             return
         measured, estimates = self._take_measured(until), self._heights

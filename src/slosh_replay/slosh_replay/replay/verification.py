@@ -345,7 +345,7 @@ def tray_fields(count: int) -> tuple[str, ...]:
 
 
 def comparison_columns(comparisons: Sequence[Comparison]) -> Messages:
-    """Returns stamps and heights of comparisons that have a camera measurement."""
+    """Returns stamps and heights of SloshComparison messages with a camera measurement."""
     rows = [row for row in comparisons if not row.measured_stale]
     stamps = np.fromiter((row.stamp_ns for row in rows), np.int64, len(rows))
     columns = {
@@ -356,7 +356,7 @@ def comparison_columns(comparisons: Sequence[Comparison]) -> Messages:
 
 
 def with_an_image(comparisons: Messages) -> Messages:
-    """Removes comparisons without a camera measurement, which depend on the live clock."""
+    """Removes SloshComparison messages without a measurement, which depend on the live clock."""
     return comparisons.rows(~comparisons.columns["measured_stale"].astype(bool))
 
 

@@ -70,6 +70,8 @@ class RunReport:
         key_figures, facts, events, models, motions, frames, topics: tables, in the order shown.
         model_text: the model file.
         effects: of the model: what each is, in a sentence, by name.
+        further: of each container behind a tray's first that has a camera: its heights, with its
+            name as title.
         warnings: what a reader must know before believing the page, one line each.
         notes: remarks, one line each.
 
@@ -104,6 +106,7 @@ class RunReport:
     measured_azimuth: AzimuthSeries | None = None
     estimated_azimuth: AzimuthSeries | None = None
     saturated: NDArray[np.bool_] | None = None
+    further: tuple[RunReport, ...] = ()
 
     def __post_init__(self) -> None:
         _check_time(self.t, "t")

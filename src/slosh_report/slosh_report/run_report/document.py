@@ -41,13 +41,29 @@ def report_document(report: RunReport, *, series: bool = False) -> dict[str, Any
         numbers in SI units, under the names of RunReport and its rows; null: not known, or no
         bound. Beside these the `sentence`, `gaps` (start and end of each span without a
         measurement [s]), `azimuth` (see AzimuthAgreement; null: not known), each event's
-        `duration` and whether each check and verification `passed`. Images are left out.
+        `duration` and whether each check and verification `passed`; of `further` containers
+        only the peaks, the limit and the `sentence`. Images are left out.
     """
     document = {"sentence": sentence(report), **{name: _table(report, name) for name in TABLES}}
     spans = gaps(report.t, report.measured)
     document["gaps"] = [{"start": start, "end": end} for start, end in spans]
     known = report.measured_azimuth is not None or report.estimated_azimuth is not None
     document["azimuth"] = plain(azimuth_agreement(report)) if known else None
+    document["further"] = [_further(one, series=series) for one in report.further]
+    if series:
+        document["series"] = _series(report)
+    return document
+
+
+def _further(report: RunReport, *, series: bool) -> dict[str, Any]:
+    """Returns the heights of a further container of a tray."""
+    document: dict[str, Any] = {
+        "title": report.title,
+        "sentence": sentence(report),
+        "limit": report.limit,
+        "measured": plain(_highest(report.measured)),
+        "estimated": plain(_highest(report.nonlinear)),
+    }
     if series:
         document["series"] = _series(report)
     return document

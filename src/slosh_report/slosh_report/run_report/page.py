@@ -29,6 +29,7 @@ ROWS = 100
 """Most rows of a table on the page; the JSON document holds them all."""
 UNFOLDED = 4
 """Fields that differ and are shown at once."""
+SIZES = (("wide", WIDE), ("narrow", NARROW))
 CLOSE_UPS = 6
 """Most motions that are drawn on their own."""
 
@@ -58,9 +59,13 @@ def _charts(report: RunReport) -> dict[str, Markup]:
     charts = {}
     if _anything(report):
         for kind, draw in (("heights", heights_chart), ("residual", residual_chart)):
-            for width, size in (("wide", WIDE), ("narrow", NARROW)):
+            for width, size in SIZES:
                 name = f"{kind}-{width}"
                 charts[name] = Markup(draw(report, size, name))
+    for index, one in enumerate(report.further):
+        for width, size in SIZES:
+            name = f"further-{index}-{width}"
+            charts[name] = Markup(heights_chart(one, size, name))
     if report.measured_azimuth is not None or report.estimated_azimuth is not None:
         charts["azimuth"] = Markup(polar_chart(report, "azimuth"))
     return charts

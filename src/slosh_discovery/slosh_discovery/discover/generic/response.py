@@ -52,7 +52,7 @@ class MotionWithTerms:
 
     @classmethod
     def of(cls, model: Model, motion: MeasuredMotion, clock_offset: float) -> MotionWithTerms:
-        """Prepares a motion; `clock_offset` [s] is the heights' clock minus the inputs' clock."""
+        """Resamples a motion for heights whose clock is `clock_offset` [s] ahead of the inputs."""
         start = float(motion.inputs.t[0])
         clock = reading_clock(model)
         moments = np.maximum(clock.moments(motion.t - clock_offset, start), start)
@@ -61,7 +61,7 @@ class MotionWithTerms:
         return cls(model, motion, inputs, np.searchsorted(inputs.t, moments))
 
     def heights(self, terms: Sequence[Term], coefficients: Sequence[float]) -> Array:
-        """Returns the heights (times, azimuths) [m] at the sensor, by the model with the terms.
+        """Returns the sensor's heights (times, azimuths) [m] that the extended model predicts.
 
         Raises:
             SloshModelError: the solution runs away.
@@ -72,7 +72,7 @@ class MotionWithTerms:
         return np.asarray(read[self.rows])
 
     def sizes(self, terms: Sequence[Term]) -> tuple[Array, float]:
-        """Returns the sums of squares of each term and of the spring force [m²/s⁴]."""
+        """Returns sums of squares over time, of each term and of the spring force [m²/s⁴]."""
         _, states = self._run((), ())
         t = self.inputs.t - self.inputs.t[0]
         squares = np.zeros(len(terms))

@@ -145,7 +145,7 @@ def _cube(code, q):  # type: ignore[no-untyped-def]
 
 @compiled
 def term_value(scalar, vector, t, q, a):  # type: ignore[no-untyped-def]
-    """Returns the two components of a generic term.
+    """Returns the x and y component of a generic term of the equation of motion.
 
     Args:
         scalar, vector: the term's codes.

@@ -40,7 +40,7 @@ _NOT_WHOLE = Flag.NOT_FOUND | Flag.SATURATED
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StillLesson:
+class StillReference:
     """Reference data of the detector, from an image of the liquid at rest.
 
     Attributes:
@@ -66,7 +66,7 @@ class StillLesson:
     turn: float
 
 
-class StillLearner:
+class StillReferenceFinder:
     """Computes the detector's reference data from images of the liquid at rest."""
 
     def __init__(
@@ -101,10 +101,10 @@ class StillLearner:
         azimuth = view.camera_azimuth
         self._nearest = radius * np.array((np.cos(azimuth), np.sin(azimuth)))
 
-    def nothing(self) -> StillLesson:
+    def nothing(self) -> StillReference:
         """Returns the default reference data, used without an image of the liquid at rest."""
         zero = np.zeros(SHAPES)
-        return StillLesson(
+        return StillReference(
             zero=zero,
             comparison=self._compared(self._moving),
             bodies=self._front.bodies,
@@ -116,7 +116,7 @@ class StillLearner:
             turn=0.0,
         )
 
-    def learn(self, image: Image, unrolled: Image) -> StillLesson:
+    def learn(self, image: Image, unrolled: Image) -> StillReference:
         """Computes the reference data from an image of the liquid at rest.
 
         Args:
@@ -145,7 +145,7 @@ class StillLearner:
         # Of a doubted liquid it is not known which edge is its own.
         stationary = self._standing_edges(still) if sure else no_edges(self._grid.shape)
         view = replace(still.view, stationary=stationary)
-        return StillLesson(
+        return StillReference(
             zero=still.zero,
             comparison=self._compared_with(view, prior),
             bodies=(still.body,),
@@ -200,15 +200,15 @@ class StillLearner:
         return tone is not None and looks_like_surroundings(image, self._grid.pixels[body], tone)
 
     def _compared(self, prior: Prior, at_rest: float = -np.inf) -> SurfaceComparison:
-        """Creates the comparison of candidate surfaces, given the score of the level at rest."""
+        """Creates the object that compares candidate surfaces, given the score at rest."""
         return SurfaceComparison(self._chooser, prior, self._wall.footprint, at_rest)
 
     def _compared_with(self, view: Unrolled, prior: Prior) -> SurfaceComparison:
-        """Creates the comparison of candidate surfaces after scoring the surface at rest."""
+        """Creates the object that compares candidate surfaces; scores the surface at rest too."""
         return self._compared(prior, self._chooser.plausible_heights(view, prior.centre, prior))
 
     def _bias(self, still: StillSurface) -> FrontBias:
-        """Returns the contact line's bias; for a low-contrast line only a common offset."""
+        """Returns the contact line's height error at rest; one value for a low-contrast line."""
         if still.view.scatters:
             return FrontBias.unknown(still.zero, self._wall.lines)
         return FrontBias.at_rest(still.fit, still.zero, self._wall.footprint)

@@ -56,7 +56,7 @@ Told = Callable[[int, str, Vector, Vector | None], None]
 """Takes a stamp [ns], a frame, an acceleration and an angular velocity, as a sensor says."""
 
 
-class HeardInput:
+class InputSubscription:
     """Subscribes to the topic of an input and converts its messages to samples.
 
     Args:
@@ -207,7 +207,7 @@ class HeardInput:
         """Returns texts on the state of the input by name, for the diagnostics."""
         told = {} if self.poses is None else self.poses.facts()
         if self._unconnected:
-            told["mounting"] = f"no fixed transform connects {self._unconnected!r}; by parameters"
+            told["mounting"] = f"by parameters: no fixed transform connects {self._unconnected!r}"
         return told
 
     def _listen(self, topic: str, callback: Callable[[Any], None]) -> None:
