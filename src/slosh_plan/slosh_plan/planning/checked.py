@@ -12,7 +12,7 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_model import Inputs, Model, wall_heights
 from slosh_model.standing import Standing
-from slosh_model.standing_use import StandingUse, standing_use
+from slosh_model.standing_use import standing_use
 from slosh_model.tray import TrayContainer
 from slosh_plan.heights import first_period, msh_of
 from slosh_plan.planning.limits import PlanLimits
@@ -144,8 +144,9 @@ class Checker:
     def _use(self, motion: PlannedMotion) -> dict[str, float]:
         """Returns the fractions of friction and support base that a motion uses."""
         assert self.loose is not None
-        (used,) = standing_uses([self.model], motion, self.attitude, self.loose)
-        return used._asdict()
+        inputs = _with_rest(motion, horizon(self.model), self.attitude)
+        standing, place = self.loose
+        return standing_use(self.model, standing, inputs, np.array(place))._asdict()
 
     def glance(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
         """Simulates motions without parameter uncertainty, as a lower bound."""
@@ -199,20 +200,6 @@ def heights_after(
     inputs = _with_rest(motion, horizon(models[0]), attitude)
     for model, heights in zip(models, wall_heights(models, inputs), strict=True):
         yield _finite(msh_of(model.container, heights))
-
-
-def standing_uses(
-    models: Sequence[Model], motion: PlannedMotion, attitude: Array | None, loose: LooseContainer
-) -> Iterator[StandingUse]:
-    """Simulates a motion with many models; yields the friction and support base that each uses.
-
-    Args:
-        models, motion, attitude: as of `heights_after`.
-        loose: how the container stands.
-    """
-    inputs = _with_rest(motion, horizon(models[0]), attitude)
-    for model in models:
-        yield standing_use(model, loose.standing, inputs, np.array(loose.place))
 
 
 def _with_rest(motion: PlannedMotion, seconds: float, attitude: Array | None) -> Inputs:

@@ -10,7 +10,7 @@ removed by slowing the motion.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -18,14 +18,9 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_model.model import Model
-from slosh_plan.planning.checked import (
-    CheckedMotion,
-    LooseContainer,
-    heights_after,
-    standing_uses,
-)
+from slosh_plan.planning.checked import CheckedMotion, heights_after
 from slosh_plan.planning.likely import LikelyModels
-from slosh_plan.planning.limits import STANDING_LIMITS, PlanLimits
+from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.optimise import PathSearch
 from slosh_plan.planning.search import Legs, OptimalSearch, lowered, resumed, waves_of
 from slosh_plan.planning.time_law import PlannedMotion
@@ -33,16 +28,13 @@ from slosh_plan.prediction import ModelError
 from slosh_plan.tuning import TUNING
 
 HEIGHTS = ("height", "residual")
-STANDING_PARTS = 10
-"""Parts of the models, each of which tells whether the next is looked at."""
 
 
 class Judged(NamedTuple):
     """A motion, simulated with all likely models.
 
     Attributes:
-        motion: its upper heights are those of all models, with the model's measured error, and
-            its shares of friction and base are the largest of all models.
+        motion: its upper heights are those of all models, with the model's measured error.
         heights: (models, 2) greatest heights in the motion and after its end [m].
         used: (models, 2) shares of both limits that the heights use, with the model's error.
         legs: where another search may start; empty: the motion is not of a search.
@@ -80,31 +72,6 @@ def upper_heights(
     return heights, upper
 
 
-def likely_standing(
-    models: Sequence[Model],
-    motion: PlannedMotion,
-    attitude: Array | None,
-    loose: LooseContainer,
-    limits: Mapping[str, float],
-) -> dict[str, float]:
-    """Returns the largest shares of friction and base that a motion uses over many models.
-
-    Where some of the models exceed a limit the others are not looked at.
-
-    Args:
-        models, motion, attitude: as of `upper_heights`.
-        loose: how the container stands.
-        limits: of these shares, by their names in STANDING_LIMITS.
-    """
-    largest = dict.fromkeys(STANDING_LIMITS, 0.0)
-    for begin in range(min(STANDING_PARTS, len(models))):
-        for used in standing_uses(models[begin::STANDING_PARTS], motion, attitude, loose):
-            largest = {name: max(most, getattr(used, name)) for name, most in largest.items()}
-        if any(most > limits[name] for name, most in largest.items()):
-            break
-    return largest
-
-
 class RegionFound(NamedTuple):
     """Result of the search for the fastest motion that is safe with all likely models.
 
@@ -136,17 +103,13 @@ class RegionSearch:
     ) -> Judged:
         """Simulates a motion with the given models, or with all likely models."""
         check, limits = self.search.check, self.search.limits
-        models = models or self.likely.models
-        heights, upper = upper_heights(models, motion.motion, check.attitude, check.error)
+        heights, upper = upper_heights(
+            models or self.likely.models, motion.motion, check.attitude, check.error
+        )
         peak, residual = upper.max(axis=0).tolist()
-        standing = motion.standing
-        if check.loose is not None:
-            kept = {name: getattr(limits, name) for name in STANDING_LIMITS}
-            found = likely_standing(models, motion.motion, check.attitude, check.loose, kept)
-            standing = {name: max(share, found[name]) for name, share in standing.items()}
         raised = replace(
             motion, upper=max(motion.upper, peak),
-            residual_upper=max(motion.residual_upper, residual), standing=standing,
+            residual_upper=max(motion.residual_upper, residual),
         )  # fmt: skip
         return Judged(raised, heights, upper / [limits.height, limits.residual], legs)
 

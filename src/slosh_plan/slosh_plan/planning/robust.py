@@ -15,7 +15,7 @@ from slosh_plan.limits import HeightLimits
 from slosh_plan.planning.checked import LooseContainer
 from slosh_plan.planning.known_laws import Scaled
 from slosh_plan.planning.likely import likely_models
-from slosh_plan.planning.limits import STANDING_LIMITS, PlanLimits
+from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.plan import (
     TIME_LIMIT,
@@ -28,20 +28,11 @@ from slosh_plan.planning.plan import (
     tilting,
 )
 from slosh_plan.planning.progress import Watch
-from slosh_plan.planning.region_search import (
-    Judged,
-    RegionFound,
-    RegionSearch,
-    likely_standing,
-    upper_heights,
-)
-from slosh_plan.planning.search import OptimalSearch, lowered
+from slosh_plan.planning.region_search import Judged, RegionFound, RegionSearch, upper_heights
+from slosh_plan.planning.search import OptimalSearch
 from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.prediction import ModelError
 from slosh_plan.tuning import TUNING
-
-STANDS = dict.fromkeys(STANDING_LIMITS, 1.0)
-"""Shares of friction and base up to which a container stands."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +84,8 @@ def plan_robust(
 
     Args:
         model: the model, with the covariance of its parameters.
-        path, limits, attitude, margin, error, time_limit, watch, loose: as of `plan`.
+        path, limits, attitude, margin, error, time_limit, watch, loose: as of `plan`; a loose
+            container keeps its place for the model's own parameters.
 
     Raises:
         NoSafeMotionError: no motion keeps the limits for all of them.
@@ -147,20 +139,18 @@ def _known_law(region: RegionSearch, best: Judged | None) -> tuple[Scaled | None
         NoSafeMotionError: there is neither.
     """
     search, chosen = region.search, list[int]()
-    check, over, limits = search.check, 0.0, search.limits
+    check, over = search.check, 0.0
     for _ in range(TUNING.robust_laws):
         scenarios = tuple(region.likely.models[place] for place in chosen)
         check = replace(check, scenarios=scenarios)
-        scaled = fastest_law(check, search.path, limits, search.watch)
+        scaled = fastest_law(check, search.path, search.limits, search.watch)
         if best is not None and scaled.found.motion.duration >= best.motion.motion.duration:
             return None, best
         found = region.judged(scaled.found)
         if found.motion.keeps(search.limits):
             return scaled, found
-        excess = found.motion.excess(search.limits)
-        over = max(excess.values())
+        over = float(found.used.max()) - 1.0
         chosen += region.far(found.used, chosen, 0.0)
-        limits = lowered(limits, {name: excess.get(name, 0.0) for name in STANDING_LIMITS})
     if best is not None:
         return None, best
     raise NoSafeMotionError(
@@ -176,22 +166,18 @@ def likely_use(
     attitude: Array | None,
     margin: float,
     error: ModelError | None,
-    loose: LooseContainer | None = None,
 ) -> float:
-    """Returns the largest fraction of its limits that a motion uses for likely models.
+    """Returns the largest fraction of its height limits that a motion uses for likely models.
 
     Args:
         model: the model, with the covariance of its parameters.
         motion: the motion.
-        limits: of the heights; and friction and base, of what holds.
-        attitude, margin, error, loose: as of `plan`.
+        limits: of the heights.
+        attitude, margin, error: as of `plan`.
 
     Raises:
         SloshPlanError: the model has no covariance.
     """
     likely = likely_models(model if motion.attitude is None else model.with_gravity_tilt())
     _, upper = upper_heights(likely.models, motion, attitude, error)
-    shares = [float(((upper + margin) / [limits.height, limits.residual]).max())]
-    if loose is not None:
-        shares += likely_standing(likely.models, motion, attitude, loose, STANDS).values()
-    return max(shares)
+    return float(((upper + margin) / [limits.height, limits.residual]).max())
