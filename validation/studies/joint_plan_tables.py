@@ -19,7 +19,7 @@ import importlib
 import json
 import statistics
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from importlib import metadata
 from pathlib import Path
@@ -46,7 +46,11 @@ HEIGHTS = (0.01, 0.02)
 RESIDUAL = 0.5
 ACCELERATION, JERK = 8.0, 200.0
 """Of each joint [rad/s², rad/s³]: descriptions have none."""
+Pose = tuple[Array, float, float]
+"""Place [m], yaw and lean [rad] of a cup."""
 POINTS, LEAN = 12, np.deg2rad(15.0)
+JUMP = 0.4
+"""Largest change of a joint from one of these points to the next [rad]."""
 TOLERANCE = 2e-3
 """By which a differenced row may exceed a limit: the rows are 1 ms apart."""
 
@@ -163,6 +167,25 @@ class Kinematics:
             q = pin.integrate(self._model, q, step)
         return None
 
+    def along(self, start: Array, poses: Iterable[Pose], jump: float) -> Array | None:
+        """Returns joint positions (N, J) for cup poses one after another.
+
+        Args:
+            start: (J,) from which the first one is sought.
+            poses: place, yaw and lean of the cup.
+            jump: largest change of a joint from one to the next [rad or m].
+
+        Returns:
+            the positions, or None if a pose is not reached or a joint jumps.
+        """
+        found: list[Array] = []
+        for place, yaw, lean in poses:
+            q = self.at(found[-1] if found else start, place, yaw, lean)
+            if q is None or (found and np.abs(q - found[-1]).max() > jump):
+                return None
+            found.append(q)
+        return np.array(found)
+
 
 def random_path(hand: Kinematics, seed: int) -> tuple[Array, bool]:
     """Returns joint positions (POINTS, J) along a random cup curve, and whether it tilts."""
@@ -175,17 +198,15 @@ def random_path(hand: Kinematics, seed: int) -> tuple[Array, bool]:
         change, bump = rng.uniform(-0.4, 0.4, 3) * [1, 1, 0.5], rng.uniform(-0.1, 0.1, 3)
         yaw, turn = rng.uniform(-3.0, 3.0), rng.uniform(-0.8, 0.8)
         lean = rng.uniform(-LEAN, LEAN) if leans else 0.0
-        q: Array | None = middle + 0.35 * reach * rng.uniform(-1.0, 1.0, len(middle))
-        found: list[Array] = []
-        for s in share:
-            place = start + s * change + 4.0 * s * (1.0 - s) * bump
-            assert q is not None
-            q = hand.at(q, place, yaw + s * turn, lean * np.sin(np.pi * s) ** 2)
-            if q is None or (found and np.abs(q - found[-1]).max() > 0.4):
-                break
-            found.append(q)
-        if len(found) == POINTS:
-            return np.array(found), leans
+        poses = (
+            (start + s * change + 4.0 * s * (1.0 - s) * bump, yaw + s * turn,
+             lean * np.sin(np.pi * s) ** 2)
+            for s in share
+        )  # fmt: skip
+        q = middle + 0.35 * reach * rng.uniform(-1.0, 1.0, len(middle))
+        found = hand.along(q, poses, JUMP)
+        if found is not None:
+            return found, leans
 
 
 def joint_constraints(arm: Arm, limits: JointLimits) -> list[Any]:

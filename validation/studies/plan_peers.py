@@ -63,6 +63,8 @@ TOLERANCE = 1e-3
 """Share of a limit by which two integrators may differ."""
 POINTS = 60
 """Of a path at which the robot's joints are computed."""
+JUMP = 0.3
+"""Largest change of a joint between two of these [rad]."""
 TRIALS = 3000
 """Places of a path that are tried until the robot reaches all of it."""
 DIRECTIONS = 60
@@ -186,16 +188,11 @@ class Robot:
         rng = np.random.default_rng(39)
         for _ in range(TRIALS):
             place = rng.uniform([-0.6, -0.6, 0.1], [0.6, 0.6, 0.7]) - middle
-            q: Array | None = 0.5 * (lower + upper) + 0.35 * reach * rng.uniform(-1, 1, len(lower))
-            yaw, found = rng.uniform(-3.0, 3.0), list[Array]()
-            for point in way:
-                assert q is not None
-                q = self._hand.at(q, place + point, yaw, 0.0)
-                if q is None or (found and np.abs(q - found[-1]).max() > 0.3):
-                    break
-                found.append(q)
-            if len(found) == len(way):
-                return np.array(found)
+            q = 0.5 * (lower + upper) + 0.35 * reach * rng.uniform(-1, 1, len(lower))
+            yaw = rng.uniform(-3.0, 3.0)
+            found = self._hand.along(q, ((place + point, yaw, 0.0) for point in way), JUMP)
+            if found is not None:
+                return found
         raise RuntimeError(f"the path is reached from none of {TRIALS} places")
 
 

@@ -130,6 +130,26 @@ def test_when_the_time_is_up_the_safe_motion_is_the_answer(check_plan):
     check_plan(answer, LINE, CUP, LIMITS)
 
 
+@needs_casadi
+def test_a_search_that_cannot_be_repeated_ends_with_its_motion_slowed(monkeypatch, check_plan):
+    solve, begun = optimise.PathSearch.solve, []
+
+    def once(self, limits, guess, *given):
+        begun.append(guess)
+        higher = replace(limits, height=1.1 * limits.height, residual=1.1 * limits.residual)
+        found = solve(self, higher, guess, *given)
+        return found if len(begun) == 1 else replace(found, legs=guess, converged=False)
+
+    monkeypatch.setattr(optimise.PathSearch, "solve", once)
+    answer = plan(CUP, path_through(LINE), LIMITS)
+    solved = sum(leg.duration for leg in begun[1])
+    assert solved < answer.found.motion.duration < answer.scaled.found.motion.duration
+    assert answer.method == "optimal"
+    assert "the search failed" in answer.reason
+    assert "% slower" in answer.reason
+    check_plan(answer, LINE, CUP, LIMITS)
+
+
 def test_an_impossible_limit_is_no_motion():
     with pytest.raises(NoSafeMotionError, match="no motion of up to 120 s"):
         plan(CUP, path_through(LINE), replace(LIMITS, acceleration=1e-5))

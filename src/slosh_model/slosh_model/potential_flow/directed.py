@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_model.errors import SloshModelError
-from slosh_model.potential_flow.finite_elements import bases, library, limit, lowest, refined
+from slosh_model.potential_flow.finite_elements import bases, library, limit, refined
 from slosh_model.potential_flow.mesh import Side
 from slosh_model.potential_flow.plane_numbers import (
     DRIVEN,
-    MOST_SEARCHED,
     OFFSET,
     OFFSET_Y,
+    Families,
     PlaneModes,
     along_wall,
     area_of,
+    lowest_driven,
     of_one_frequency,
     plane_matrices,
 )
@@ -109,29 +109,20 @@ def _directed(
     stiffness: Any, mass: Any, offsets: Array, spread: Array, count: int
 ) -> list[tuple[float, Array]]:
     """Returns k² and shape F of the lowest driven modes, alternately nearer to x and to y."""
-    most = min(MOST_SEARCHED, stiffness.shape[0] - 2)
-    wanted = min(6 * count, most)
-    while True:
-        values, vectors = lowest(stiffness, mass, wanted, below=-1.0)
-        vectors = vectors / np.sqrt((vectors * (mass @ vectors)).sum(axis=0))
-        families: tuple[list[tuple[float, Array]], ...] = ([], [])
+
+    def families(values: Array, vectors: Array) -> Families:
+        found: Families = ([], [])
         for group in of_one_frequency(values):
             for mixed in _mixes(offsets @ vectors[:, group]):
                 f = vectors[:, group] @ mixed
                 pushed = np.abs(offsets @ f)
                 if values[group[0]] > 1e-6 and (pushed**2 / spread).max() > DRIVEN:
                     value = float((values[group] * mixed * mixed).sum())
-                    families[int(pushed[1] > pushed[0])].append((value, f))
-        if min(map(len, families)) >= count:
-            pairs = zip(families[0][:count], families[1][:count], strict=True)
-            return [mode for pair in pairs for mode in pair]
-        if wanted == most:
-            raise SloshModelError(
-                f"modes: fewer than {count} of the first {wanted} of this outline are driven by "
-                "an acceleration along each axis; ask for fewer modes",
-                ("modes",),
-            )
-        wanted = min(2 * wanted, most)
+                    found[int(pushed[1] > pushed[0])].append((value, f))
+        return found
+
+    pairs = zip(*lowest_driven(stiffness, mass, count, 6, families), strict=True)
+    return [mode for pair in pairs for mode in pair]
 
 
 def _mixes(pushed: Array) -> list[Array]:

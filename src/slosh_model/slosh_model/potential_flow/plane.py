@@ -20,13 +20,11 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
-from slosh_model.errors import SloshModelError
 from slosh_model.potential_flow.directed import modes_without_symmetry
 from slosh_model.potential_flow.finite_elements import (
     bases,
     library,
     limit,
-    lowest,
     refined,
     scaled,
 )
@@ -36,13 +34,14 @@ from slosh_model.potential_flow.plane_numbers import (
     AROUND,
     DRIVEN,
     HEIGHT,
-    MOST_SEARCHED,
     NORM,
     OFFSET,
     SQUARE,
+    Families,
     PlaneModes,
     along_wall,
     area_of,
+    lowest_driven,
     of_one_frequency,
     plane_matrices,
 )
@@ -210,22 +209,18 @@ def _solved(mesh: Any, along: bool, count: int) -> tuple[Array, tuple[float, flo
     # Odd modes vanish on the axis across which they are odd.
     still = mesh.boundaries.get(ACROSS_AXIS if along else ALONG_AXIS, np.array([], dtype=int))
     free = inside.complement_dofs(inside.get_dofs(still))
-    values, vectors = _driven(
-        stiffness[free][:, free], mass[free][:, free], offset[free], spread, count
-    )
+    modes = _driven(stiffness[free][:, free], mass[free][:, free], offset[free], spread, count)
     on_wall = wall.get_dofs(mesh.boundaries["wall"]).flatten()
     rows, crests, place = [], [], -1
-    for n in range(count):
+    for value, own in modes:
         f = np.zeros(stiffness.shape[0])
-        f[free] = vectors[:, n]
+        f[free] = own
         if place < 0:
             # On both ends alike: that at +x.
             best = np.abs(f[on_wall]) + 1e-6 * np.sign(mesh.doflocs[driven, on_wall])
             place = int(on_wall[np.argmax(best)])
         f /= f[place]
-        rows.append(
-            (values[n], float(f @ (mass @ f)), float(offset @ f), 1.0, *along_wall(wall, f))
-        )
+        rows.append((value, float(f @ (mass @ f)), float(offset @ f), 1.0, *along_wall(wall, f)))
         crests.append(float(np.abs(f).max() / np.abs(f[on_wall]).max()))
     extent = float(np.abs(mesh.doflocs[driven, on_wall]).max())
     reach = math.copysign(extent, float(mesh.doflocs[driven, place]))
@@ -234,24 +229,16 @@ def _solved(mesh: Any, along: bool, count: int) -> tuple[Array, tuple[float, flo
 
 def _driven(
     stiffness: Any, mass: Any, offset: Array, spread: float, count: int
-) -> tuple[Array, Array]:
+) -> list[tuple[float, Array]]:
     """Returns the lowest modes that an acceleration excites, scaled to ∫F² = 1."""
-    most = min(MOST_SEARCHED, stiffness.shape[0] - 2)
-    wanted = min(4 * count, most)
-    while True:
-        values, vectors = lowest(stiffness, mass, wanted, below=-1.0)
-        vectors = vectors / np.sqrt((vectors * (mass @ vectors)).sum(axis=0))
+
+    def families(values: Array, vectors: Array) -> Families:
         values, vectors, shares = _merged(values, vectors, offset @ vectors, spread)
         chosen = np.flatnonzero((shares > DRIVEN) & (values > 1e-6))
-        if len(chosen) >= count:
-            return values[chosen[:count]], vectors[:, chosen[:count]]
-        if wanted == most:
-            raise SloshModelError(
-                f"modes: only {len(chosen)} of the first {wanted} of this outline are driven by "
-                "an acceleration along an axis; ask for fewer modes",
-                ("modes",),
-            )
-        wanted = min(2 * wanted, most)
+        return [[(float(values[n]), vectors[:, n]) for n in chosen]]
+
+    (found,) = lowest_driven(stiffness, mass, count, 4, families)
+    return found
 
 
 def _merged(

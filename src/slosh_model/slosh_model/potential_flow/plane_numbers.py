@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_model.potential_flow.finite_elements import library
+from slosh_model.errors import SloshModelError
+from slosh_model.potential_flow.finite_elements import library, lowest
 
 SQUARE, NORM, OFFSET, HEIGHT, ALONG, AROUND = range(6)
 """Of a mode: k², ∫F² and ∫xF over what is computed, F where heights are given, ∮F_s², ∮F²."""
@@ -16,6 +18,8 @@ OFFSET_Y = 6
 DRIVEN = 1e-6
 """Share of a mode in a straight surface below which no acceleration drives it."""
 MOST_SEARCHED = 200
+Families = Sequence[list[tuple[float, Array]]]
+"""Modes by the axis along which they are driven: k² and F of each."""
 _SAME = 2e-3
 """Relative difference of k² below which two modes count as of one frequency."""
 
@@ -48,6 +52,40 @@ def plane_matrices(inside: Any) -> tuple[Any, Any]:
     stiffness = fem.BilinearForm(lambda u, v, w: u.grad[0] * v.grad[0] + u.grad[1] * v.grad[1])
     mass = fem.BilinearForm(lambda u, v, w: u * v)
     return stiffness.assemble(inside), mass.assemble(inside)
+
+
+def lowest_driven(
+    stiffness: Any, mass: Any, count: int, each: int, families: Callable[[Array, Array], Families]
+) -> Families:
+    """Returns the lowest modes that an acceleration drives, as many of each family.
+
+    Asks for more modes until enough of them are driven.
+
+    Args:
+        stiffness, mass: of the eigenvalue problem.
+        count: number of modes of each family.
+        each: modes that are asked for at first for each of these.
+        families: chooses and groups the driven ones by eigenvalues and vectors with ∫F² = 1.
+
+    Raises:
+        SloshModelError: too few of the first MOST_SEARCHED modes are driven.
+    """
+    most = min(MOST_SEARCHED, stiffness.shape[0] - 2)
+    wanted = min(each * count, most)
+    while True:
+        values, vectors = lowest(stiffness, mass, wanted, below=-1.0)
+        vectors = vectors / np.sqrt((vectors * (mass @ vectors)).sum(axis=0))
+        found = families(values, vectors)
+        fewest = min(map(len, found))
+        if fewest >= count:
+            return [family[:count] for family in found]
+        if wanted == most:
+            raise SloshModelError(
+                f"modes: only {fewest} of the first {wanted} of this outline are driven by an "
+                "acceleration along each axis; ask for fewer modes",
+                ("modes",),
+            )
+        wanted = min(2 * wanted, most)
 
 
 def area_of(inside: Any) -> float:

@@ -79,8 +79,9 @@ class ProfiledContainer(SolvedContainer):
             )
 
     def widened(self, factor: float) -> Self:
-        """Returns the cup with scaled horizontal lengths."""
-        changed = {name: factor * getattr(self, name) for name in self.wide}
+        """Returns the container with its lengths of `wide` scaled, as far as they are known."""
+        given = {name: getattr(self, name) for name in self.wide}
+        changed = {name: factor * size for name, size in given.items() if size is not None}
         return cast(Self, replace(cast(Any, self), **changed))
 
     @property

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import ClassVar, Self
+from typing import ClassVar
 
 from slosh_model.shapes.contour import Piece, Point, arc, line
 from slosh_model.shapes.revolution import RevolvedContainer
@@ -75,7 +75,8 @@ class Sphere(RoundCup):
     """
 
     shape: ClassVar[str] = "sphere"
-    wide: ClassVar[tuple[str, ...]] = ()
+    # A sphere stays one: it is filled to the same part.
+    wide: ClassVar[tuple[str, ...]] = ("radius", "fill_height", "rim_height")
 
     radius: float
 
@@ -83,14 +84,6 @@ class Sphere(RoundCup):
     def contour(self) -> tuple[Piece, ...]:
         """The profile: half a circle."""
         return (arc((0.0, self.radius), (self.radius, self.radius), -_QUARTER, _QUARTER),)
-
-    def widened(self, factor: float) -> Self:
-        """Returns the sphere with a scaled radius and the same relative filling."""
-        rim = None if self.rim_height is None else factor * self.rim_height
-        return replace(
-            self, radius=factor * self.radius, fill_height=factor * self.fill_height,
-            rim_height=rim,
-        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)

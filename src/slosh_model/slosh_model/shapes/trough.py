@@ -305,6 +305,8 @@ class LyingCylinder(TroughContainer):
     """
 
     shape: ClassVar[str] = "lying_cylinder"
+    # A circle stays one: it is filled to the same part.
+    wide: ClassVar[tuple[str, ...]] = ("radius", "length", "fill_height", "rim_height")
 
     radius: float
 
@@ -312,11 +314,3 @@ class LyingCylinder(TroughContainer):
     def contour(self) -> tuple[Piece, ...]:
         """The right half of the circle."""
         return (arc((0.0, self.radius), (self.radius, self.radius), -_QUARTER, _QUARTER),)
-
-    def widened(self, factor: float) -> Self:
-        """Returns the cylinder with a scaled radius and length and the same relative filling."""
-        rim = None if self.rim_height is None else factor * self.rim_height
-        return replace(
-            self, radius=factor * self.radius, length=factor * self.length,
-            fill_height=factor * self.fill_height, rim_height=rim,
-        )  # fmt: skip

@@ -17,13 +17,20 @@ from slosh_model import Inputs, Model, simulate
 from slosh_plan.planning.checked import CheckedMotion, Checker, attitudes
 from slosh_plan.planning.flow import first_mode, flow_of
 from slosh_plan.planning.interval import CHAIN
-from slosh_plan.planning.known_laws import LONGEST, Scaled, leg_durations
+from slosh_plan.planning.known_laws import LONGEST, Scaled, fastest, leg_durations
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.loose_terms import LooseTerms
 from slosh_plan.planning.optimise import LegGuess, PathSearch
 from slosh_plan.planning.path import Leg, Path
 from slosh_plan.planning.progress import Watch
-from slosh_plan.planning.time_law import JerkLaw, PlannedMotion, Tilt, motion_along, whole_rows
+from slosh_plan.planning.time_law import (
+    STEP,
+    JerkLaw,
+    PlannedMotion,
+    Tilt,
+    motion_along,
+    whole_rows,
+)
 from slosh_plan.tuning import TUNING
 
 Legs = tuple[LegGuess, ...]
@@ -36,7 +43,7 @@ class Found:
     Attributes:
         motion: that keeps the limits; None: there is none.
         legs: where another search may start; empty: the motion is not of a search.
-        words: why there is none.
+        words: why there is none, or why it is slower than the search's.
     """
 
     motion: CheckedMotion | None
@@ -88,7 +95,7 @@ class OptimalSearch:
                 break
         if self.limits.tilt > 0.0 and best.legs and not self.over():
             best = self._tilted(best)
-        return replace(best, words="" if best.legs else last)
+        return best if best.legs else replace(best, words=last)
 
     def _starts(self) -> Iterator[tuple[PathSearch, Legs]]:
         """Yields optimisations with constant attitude, each with an initial guess."""
@@ -131,30 +138,55 @@ class OptimalSearch:
     def _tightened(self, problem: PathSearch, guess: Legs, best: Found) -> Found:
         """Repeats the optimisation with reduced limits until the simulation keeps the limits.
 
-        What is not faster than the best so far is not gone on with.
+        What is not faster than the best so far is not gone on with. Where a repetition fails, the
+        last solution is slowed.
         """
-        asked = self.nominal.reduced(TUNING.ahead)
+        asked, last = self.nominal.reduced(TUNING.ahead), Legs()
+        words = f"the search kept exceeding a limit after {TUNING.search_rounds} rounds"
         for _ in range(TUNING.search_rounds):
             if self.over():
-                return Found(None, words=self.why_over())
+                words = self.why_over()
+                break
             left = self.time_limit - self.watch.elapsed
             solution = problem.solve(asked, guess, left, self.over)
             if not solution.converged and self.over():
-                return Found(None, words=self.why_over())
+                words = self.why_over()
+                break
             found = self.checked(solution.legs)
-            if found is None:
-                return Found(None, words=f"the search failed ({solution.status})")
-            faster = found.motion.duration < best.duration
-            if solution.converged and not faster:
-                return Found(None, words="the search found nothing faster")
-            if faster and found.keeps(self.limits):
+            faster = found is not None and found.motion.duration < best.duration
+            if found is not None and faster and found.keeps(self.limits):
                 return Found(found, solution.legs)
-            if not solution.converged:
-                return Found(None, words=f"the search failed ({solution.status})")
-            guess = solution.legs
+            if found is None or not solution.converged:
+                words = f"the search failed ({solution.status})"
+                break
+            if not faster:
+                words = "the search found nothing faster"
+                break
+            guess = last = solution.legs
             asked = lowered(asked, found.excess(self.limits))
-        words = f"the search kept exceeding a limit after {TUNING.search_rounds} rounds"
-        return Found(None, words=words)
+        return self._slowed(last, best, words)
+
+    def _slowed(self, legs: Legs, best: Found, words: str) -> Found:
+        """Returns a solution that exceeds a limit, uniformly slowed until all limits are kept.
+
+        Args:
+            legs: the solution; empty: there is none.
+            best: what it is to be faster than.
+            words: why the search ended.
+        """
+        if not legs or self.watch.stopped():
+            return Found(None, words=words)
+        whole = sum(leg.duration for leg in legs)
+
+        def make(duration: float, step: float) -> PlannedMotion:
+            return self._motion(legs, duration / whole, step)
+
+        found = fastest(self.check, make, self.limits, best.duration, self.watch.stopped)
+        if found is None:
+            return Found(None, words=words)
+        factor = found.motion.duration / whole
+        slower = f"{words}: its last motion, {100.0 * (factor - 1.0):.1f} % slower"
+        return Found(found, tuple(leg.slowed(factor) for leg in legs), slower)
 
     def over(self) -> bool:
         """Returns whether the search must end."""
@@ -170,15 +202,18 @@ class OptimalSearch:
         duration = sum(leg.duration for leg in legs)
         if not (math.isfinite(duration) and 0.0 < duration < LONGEST):
             return None
-        factor = whole_rows(duration) / duration
+        return self.check([self._motion(legs, whole_rows(duration) / duration)])[0]
+
+    def _motion(self, legs: Legs, factor: float, step: float = STEP) -> PlannedMotion:
+        """Returns the motion of an optimisation's result, slowed by a factor."""
         laws = [
             _law_of(found, leg).stretched(factor)
             for found, leg in zip(legs, self.path.legs, strict=True)
         ]
-        motion = motion_along(self.path, laws, [law.duration for law in laws])
+        motion = motion_along(self.path, laws, [law.duration for law in laws], step)
         if legs[0].tilts:
             motion = replace(motion, tilt=_tilt_of(legs, factor, motion.t, self.yaw))
-        return self.check([motion])[0]
+        return motion
 
 
 def _law_of(found: LegGuess, leg: Leg) -> JerkLaw:
