@@ -313,3 +313,26 @@ def test_each_motion_counts_once_however_bags_overlap(bags):
         found = query(store, "SELECT cell, begin_ns FROM motions").rows
         days = [(cell, (begin - BEGIN_NS) // DAY_NS) for cell, begin in found]
     assert sorted(days) == sorted(wanted)
+
+
+def test_a_container_is_one_trend_before_and_after_an_upgrade():
+    """The model's text in old bags has no version."""
+    from slosh_base.files.file_version import MODEL
+    from slosh_model import format_model
+    from slosh_model.model import Model
+    from slosh_model.shapes.cylinder import Cylinder
+    from slosh_replay.fleet.motions import _liquid
+    from slosh_replay.recording.settings import NodeStart
+
+    text = format_model(Model(Cylinder(0.05, 0.07)))
+    line = f"version: {MODEL.current}\n"
+    assert text.startswith(line)
+    found = {
+        _liquid([NodeStart("estimator", 0, 1, "", "", {}, {"model": one})]).digest
+        for one in (text, text.removeprefix(line))
+    }
+    assert len(found) == 1
+    other = text.replace("0.07", "0.08")
+    assert (
+        _liquid([NodeStart("estimator", 0, 1, "", "", {}, {"model": other})]).digest not in found
+    )

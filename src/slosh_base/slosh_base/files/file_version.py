@@ -7,6 +7,7 @@ refused. A new version of a format is one entry more in its `steps`.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from slosh_base.files.yaml_document import LONGEST, YamlDocument, parse_yaml, sh
 
 KEY: Final = "version"
 _BYTE_ORDER_MARK = "\ufeff"
+_VERSION_LINE = re.compile(rf"^{KEY}: \d+\n", re.MULTILINE)
 EACH: Final = "*"
 """In the path of a key: each item of a list, or each key of a mapping."""
 
@@ -104,6 +106,15 @@ def parse_versioned(
     if not isinstance(document.value, dict):
         return document
     return replace(document, value={k: v for k, v in document.value.items() if k != KEY})
+
+
+def without_version(text: str) -> str:
+    r"""Returns a written file's text without its version, to compare it with one of before.
+
+    >>> without_version("version: 1\nradius: 0.05\n")
+    'radius: 0.05\n'
+    """
+    return _VERSION_LINE.sub("", text, count=1)
 
 
 class Migrated(NamedTuple):

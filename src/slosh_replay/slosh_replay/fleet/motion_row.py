@@ -37,7 +37,9 @@ class MotionRow:
     digest: str = _column(str, "1", "SHA-256 of the motion: the same in each bag that has it")
     bag: str = _column(str, "1", "bag from which the row was read")
     container: str = _column(str, "1", "shape of the container")
-    model_digest: str = _column(str, "1", "SHA-256 of the estimator's model file")
+    model_digest: str = _column(
+        str, "1", "SHA-256 of the estimator's model file without its version"
+    )
     begin_ns: int = _column(int, "ns", "begin of the motion, since 1970")
     duration: float = _column(float, "s", "duration of the motion")
     acceleration: float = _column(float, "m/s^2", "largest acceleration of the container")

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from slosh_bag.errors import SloshBagError
 from slosh_bag.held_folder import is_held
 from slosh_bag.mcap_files.remote_path import bag_path
+from slosh_base.files.file_version import without_version
 from slosh_base.types import Array, Integers
 from slosh_estimator.limits import Kind, Source
 from slosh_estimator.monitor_settings import MonitorSettings
@@ -209,7 +210,8 @@ def _liquid(starts: Sequence[NodeStart]) -> _Liquid:
     text = start.files.get("model") if start is not None else None
     if start is None or text is None:
         return _Liquid()
-    digest = hashlib.sha256(text.encode()).hexdigest()
+    # One container is one trend, before an upgrade and after it.
+    digest = hashlib.sha256(without_version(text).encode()).hexdigest()
     try:
         model = model_of(start)
         first = mode_table(model, 1)[0]

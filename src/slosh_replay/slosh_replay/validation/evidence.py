@@ -25,7 +25,7 @@ from slosh_replay.replay.report import highest, recorded_at, report_start, shown
 from slosh_replay.replay.result import MotionAccuracy, ReplayResult
 from slosh_replay.replay.verification import Verification
 from slosh_replay.validation.criteria import COVERAGE, NAN, Evidence
-from slosh_report.page.series import gaps
+from slosh_report.page.series import gaps, united
 from slosh_report.run_report import RunReport
 from slosh_report.validation.content import LimitInForce, Peak, Recording
 
@@ -42,11 +42,13 @@ class Noise(NamedTuple):
     Attributes:
         stamps: (N,) of the images, rising [ns].
         stddev: (N,) [m]; NaN: unknown.
+        heights: (N,) as the camera gave them [m]; NaN: none.
         further: standard uncertainty of the measurement beside them [m].
     """
 
     stamps: Integers
     stddev: Array
+    heights: Array
     further: float
 
     @property
@@ -82,14 +84,16 @@ def read_noise(run: RecordedRun, cell: str | None, further: float) -> Noise:
     """
     topic = CellTopics(run.topics, cell).topic(topics.FREE_SURFACE, SURFACE)
     blocks = [] if topic is None else list(run.reader.look_up([topic]))
-    parts = [run.reader.columns(block, (*STAMP, "msh_stddev")) for block in blocks]
+    parts = [run.reader.columns(block, (*STAMP, "msh", "msh_stddev")) for block in blocks]
     if not parts:
-        return Noise(np.empty(0, np.int64), np.empty(0), further)
+        return Noise(np.empty(0, np.int64), np.empty(0), np.empty(0), further)
     stamps, first = np.unique(
         np.concatenate([stamps_of(part) for part in parts]), return_index=True
     )
-    stddev = np.concatenate([part["msh_stddev"] for part in parts])
-    return Noise(stamps, stddev[first], further)
+    stddev, heights = (
+        np.concatenate([part[name] for part in parts])[first] for name in ("msh_stddev", "msh")
+    )
+    return Noise(stamps, stddev, heights, further)
 
 
 def evidence_of(
@@ -128,7 +132,10 @@ def evidence_of(
     )  # fmt: skip
     limits = [one.limits[Source.MEASURED] for one in watched(result)]
     known = [limit for limit in limits if math.isfinite(limit)]
-    doubt = _doubt(run, result, recording)
+    # A long recording's series hold its extremes alone, which may hide a gap.
+    seconds = (noise.stamps - report_start(result)) * 1e-9
+    every = (*spans, *gaps(np.asarray(seconds, dtype=np.float64), noise.heights))
+    doubt = _doubt(run, result, recording, every)
     return Evidence(recording, min(known, default=NAN), noise.mean, doubt)
 
 
@@ -200,7 +207,12 @@ def _flags(result: ReplayResult) -> tuple[tuple[str, int], ...]:
     return tuple((name, count) for name, count in counts.items() if count)
 
 
-def _doubt(run: RecordedRun, result: ReplayResult, recording: Recording) -> str:
+def _doubt(
+    run: RecordedRun,
+    result: ReplayResult,
+    recording: Recording,
+    spans: Sequence[tuple[float, float]],
+) -> str:
     """Returns why a recording cannot prove that a limit was not exceeded; empty if it can."""
     if result.limits is not None and not result.limits.camera:
         return "the cell had no camera: nothing was measured"
@@ -213,9 +225,10 @@ def _doubt(run: RecordedRun, result: ReplayResult, recording: Recording) -> str:
     if not recording.motions:
         return "no motion was found in the recording"
     for motion in recording.motions:
+        # What both series show is one gap.
         missed = sum(
             max(0.0, min(end, motion.end) - max(start, motion.start))
-            for start, end in recording.gaps
+            for start, end in united(spans, 0.0)
         )
         if missed > 0.0:
             return f"nothing was measured for {missed:.2f} s of motion {motion.name}"
