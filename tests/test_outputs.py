@@ -524,7 +524,10 @@ def writes(tree):
             continue
         name = getattr(node.func, "attr", getattr(node.func, "id", ""))
         method = isinstance(node.func, ast.Attribute)
-        modes = [*node.args[0 if method else 1 :][:1], *(k.value for k in node.keywords)]
+        modes = [
+            *node.args[0 if method else 1 :][:1],
+            *(k.value for k in node.keywords if k.arg == "mode"),
+        ]
         texts = [mode.value for mode in modes if isinstance(mode, ast.Constant)]
         opens = name == "open" and any(set("wax+") & set(str(text)) for text in texts)
         moves = method and (getattr(getattr(node.func, "value", None), "id", ""), name) in MOVING
