@@ -346,11 +346,28 @@ def _write_heights(lanes, answers, heights, first, count):  # type: ignore[no-un
 
 
 @compiled
+def _exceeds(lanes, answers, count, ceiling):  # type: ignore[no-untyped-def]
+    """Whether a height of the last samples exceeds a ceiling."""
+    highest = 0.0
+    for j in range(count):
+        at = j * _ANSWERS
+        for k in range(lanes):
+            highest = max(highest, max(abs(answers[at + k]), abs(answers[at + LANES + k])))
+    return highest > ceiling
+
+
+@compiled
 def advance_lanes(  # type: ignore[no-untyped-def]
     stores, counts, interval_rows, input_rows, intervals, inputs, yaws, poses, driven, modulated,
-    heights,
+    heights, ceiling,
 ):  # fmt: skip
-    """Does the work of `advance_block`, for calls from other compiled code."""
+    """Does the work of `advance_block`, for calls from other compiled code.
+
+    Ends early after a height at +x or +y beyond a ceiling [m].
+
+    Returns:
+        the number of samples whose heights are written, the first one counted.
+    """
     lanes = stores.shape[0]
     w = np.zeros(LENGTH)
     memory = np.empty((lanes, max(DRIVE_MEMORY_COUNT, 1)))
@@ -376,6 +393,9 @@ def advance_lanes(  # type: ignore[no-untyped-def]
             _add_static_heights(lanes, w)
             _finish_sample(lanes, w, answers, j)
         _write_heights(lanes, answers, heights, first, count)
+        if ceiling < np.inf and _exceeds(lanes, answers, count, ceiling):
+            return first + count + 1
+    return counts.shape[0] + 1
 
 
 @entry_point(
@@ -406,5 +426,5 @@ def advance_block(  # type: ignore[no-untyped-def]
     """
     advance_lanes(
         stores, counts, interval_rows, input_rows, intervals, inputs, yaws, poses, driven,
-        modulated, heights,
+        modulated, heights, np.inf,
     )  # fmt: skip

@@ -44,6 +44,7 @@ _INLINED = {
     "nopython": True,
     **OPTIONS,
 }
+_APART = {**_INLINED, "forceinline": False}
 _CALLED = {"nogil": True, "no_cfunc_wrapper": True}
 _OPTIONS = "compiled_with"  # attribute of compiled functions: their options
 _LOCK = threading.RLock()
@@ -69,10 +70,23 @@ def compiled(function: Function) -> Any:
             function is a closure, uses a name that is not defined yet, or something that is
             neither compiled nor a constant.
     """
-    _name(function, _INLINED)
+    return _part(function, _INLINED)
+
+
+def compiled_apart(function: Function) -> Any:
+    """Decorator as `compiled`, for a large function with several callers: they share its code.
+
+    Raises:
+        TypeError: as `compiled`.
+    """
+    return _part(function, _APART)
+
+
+def _part(function: Function, options: Mapping[str, Any]) -> Any:
+    _name(function, options)
     if numba.config.DISABLE_JIT:
         return function
-    return _Part(function, targetoptions=_INLINED)
+    return _Part(function, targetoptions=dict(options))
 
 
 class _Part(CPUDispatcher):

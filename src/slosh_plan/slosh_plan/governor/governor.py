@@ -9,9 +9,7 @@ import numpy as np
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
-from slosh_model import kernel as model_kernel
-from slosh_model.indices import POSE_COUNT
-from slosh_model.layout import MODAL, divided
+from slosh_model.layout import divided
 from slosh_model.model import Model
 from slosh_model.tray import Tray, TrayContainer
 from slosh_plan.errors import SloshPlanError
@@ -114,6 +112,8 @@ class Governor:
             np.zeros(layout.ANSWER),
         )
         self._uses = self._told.copy()
+        self._ranks = np.tile(np.array([0, 1, layout.LIGHT]), (len(self._cups), 1))
+        self._ranks[:, layout.ORDER] = np.arange(len(self._cups))
         self._loose = [k for k, cup in enumerate(self._cups) if cup.standing is not None]
         if arm is not None:
             self._motion[layout.PLACE] = arm.start
@@ -128,6 +128,7 @@ class Governor:
         self._steps = self._commands = self._liquid_ns = 0
         self._reason = StopReason.NONE
         kernel.govern.load()
+        kernel.relive.load()
 
     def take(self, command: Command) -> None:
         """Stores a command; the last one before a step is used."""
@@ -188,8 +189,8 @@ class Governor:
         self._past.append((now_ns, self._stores.copy(), self._chosen.copy()))
         unsafe = kernel.govern(
             self._stores, self._stop, self._motion, self._state, wanted, follow, self._settings,
-            self._bounds, self._table, self._joints, self._points, self._chosen,
-            self._told, self._answer,
+            self._bounds, self._table, self._joints, self._points, self._ranks,
+            self._chosen, self._told, self._answer,
         )  # fmt: skip
         share = float(self._answer[layout.SHARE]) if follow else 0.0
         told = self._governed(now_ns, share=share, safe=not unsafe)
@@ -290,17 +291,12 @@ class Governor:
         self._table[0, layout.EXTRA] = TUNING.governor_stddevs * liquid.stddev
         _, stores, _ = behind[0]
         point = int(self._table[0, layout.POINT])
-        inputs = np.array([one[2][point] for one in behind[1:]] + [self._chosen[point].copy()])
-        intervals = np.full(len(inputs), self.period)
-        history, heights = np.empty((len(inputs), len(modes), 4)), np.empty((len(inputs), 2))
-        yaws, poses = np.zeros(len(inputs)), np.empty((0, POSE_COUNT))
-        for number, (frequency, _) in enumerate(self._factors):
-            begun = stores[number, :size].copy()
-            same_height = (liquid.frequency_factor / frequency) ** 2
-            for name, column in zip(MODAL, same_height * liquid.modal.T, strict=True):
-                divided(begun)[1][name] = column
-            model_kernel.advance_many(begun, intervals, inputs, yaws, poses, history, heights)
-            self._stores[number, :size] = begun
+        inputs = [one[2][point] for one in behind[1:]] + [self._chosen[point]]
+        begun = stores[: layout.MODELS, :size].copy()
+        scales = np.array([(liquid.frequency_factor / own) ** 2 for own, _ in self._factors])
+        modal = np.ascontiguousarray(liquid.modal, dtype=np.float64)
+        kernel.relive(begun, scales, modal, np.array(inputs), self.period)
+        self._stores[: layout.MODELS, :size] = begun
 
     def _governed(self, now_ns: int, *, share: float, safe: bool) -> Governed:
         """Creates the answer of a step."""

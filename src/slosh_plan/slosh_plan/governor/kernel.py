@@ -5,8 +5,8 @@ every container; see `stops`. The next acceleration is a mixture of the stop's a
 command's. It is taken if a stop from there is found. With the share 0 the stop that is held goes
 on: there is always an answer.
 
-All candidates are judged by the container that was nearest to its limits, and the best of them by
-the others.
+Few models of the container that was nearest to its limits tell which candidates are surely unsafe;
+the best of the others is verified by all models of all containers.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba.types import boolean, int64, void
+from numba.types import boolean, float64, int64, void
 
 from slosh_base.compiled.compilation import (
     CHANGED_1,
@@ -22,197 +22,57 @@ from slosh_base.compiled.compilation import (
     GIVEN_1,
     GIVEN_2,
     compiled,
+    compiled_apart,
     entry_point,
 )
 from slosh_model.kernel import UPRIGHT, advance
 from slosh_model.layout import records
 from slosh_plan.governor.chain import felt_at
 from slosh_plan.governor.layout import (
-    ACCELERATION,
     BOUND,
     CANDIDATES,
-    CRITICAL,
     DURATION,
     ENOUGH,
-    FASTEST,
-    HARDEST,
     HASTE,
-    JERK,
+    HELD,
     KIND,
     LAW,
-    LOWER,
     MODELS,
+    ORDER,
     OTHERS,
     PART,
     PARTS,
     PERIOD,
-    PLACE,
     PLAN,
     POINT,
-    RATE,
     REST,
     SHARE,
-    SHARPEST,
     SIZE,
     SPACING,
     TAIL,
     TRIED,
     TURN,
-    UPPER,
     USE,
     USES,
-    VELOCITY,
     WHOLE,
+    WORST,
 )
+from slosh_plan.governor.moving import drive, keeps_limits, wanted_by_axes, wanted_of_joints
 from slosh_plan.governor.stops import candidate, grid, make_plans, next_held, take, trimmed
-from slosh_plan.governor.uses import add_uses
+from slosh_plan.governor.uses import BEYOND, add_uses
 
-ROUNDING = 1e-9
-PARTED = 0.8
-"""Factor by which a command's change is reduced until the container keeps its limits,"""
-PARTS_TRIED = 12
-"""at most so often."""
 JUDGED, KNOWN = 1, 2
 """Candidates that are simulated, and what is left of a stop that was."""
+VERIFIED = 2
+"""So many candidates of a block are simulated with all models."""
 
 
 @compiled
-def _towards(left, jerk, limit, dt):  # type: ignore[no-untyped-def]
-    """Returns the acceleration that can still be taken back until the velocity is reached."""
-    return min(math.sqrt(jerk * dt * jerk * dt + 2.0 * jerk * left) - jerk * dt, limit)
-
-
-@compiled
-def _wanted(motion, command, settings, found):  # type: ignore[no-untyped-def]
-    """Writes the acceleration that reaches the commanded velocity as fast as the limits allow."""
-    dt, jerk = settings[PERIOD], settings[JERK]
-    size = 0.0
-    for k in range(3):
-        found[k] = command[k] - motion[VELOCITY, k] - 0.5 * dt * motion[RATE, k]
-        size += found[k] * found[k]
-    size = math.sqrt(size)
-    most = _towards(size, jerk, settings[ACCELERATION], dt)
-    change = 0.0
-    for k in range(3):
-        found[k] = (found[k] * most / size if size > 0.0 else 0.0) - motion[RATE, k]
-        change += found[k] * found[k]
-    change = math.sqrt(change)
-    share = min(1.0, jerk * dt / change) if change > 0.0 else 0.0
-    for k in range(3):
-        found[k] = motion[RATE, k] + share * found[k]
-
-
-@compiled
-def _within(before, behind, interval, settings):  # type: ignore[no-untyped-def]
-    """Whether two accelerations of the container's origin keep its limits."""
-    size = change = 0.0
-    for k in range(3):
-        size += behind[k] ** 2
-        change += (behind[k] - before[k]) ** 2
-    most = settings[JERK] * interval * (1.0 + ROUNDING)
-    return size <= settings[ACCELERATION] ** 2 * (1.0 + ROUNDING) and change <= most * most
-
-
-@compiled
-def _wanted_of_joints(motion, command, limits, settings, held, robot, found):  # type: ignore[no-untyped-def]
-    """Writes the same for joints, each by its own limits, and all by the container's."""
-    dt, count = settings[PERIOD], command.shape[0]
-    for k in range(count):
-        left = command[k] - motion[VELOCITY, k] - 0.5 * dt * motion[RATE, k]
-        most = _towards(abs(left), limits[SHARPEST, k], limits[HARDEST, k], dt)
-        change = math.copysign(most, left) - motion[RATE, k]
-        step = limits[SHARPEST, k] * dt
-        found[k] = motion[RATE, k] + min(max(change, -step), step)
-    felt, moved, now = np.empty((robot[1].shape[0], 3)), np.empty(3), np.empty(3)
-    felt_at(robot[0], robot[1], motion, felt, now)
-    following = np.empty((3, count))
-    for _ in range(PARTS_TRIED):
-        for k in range(count):
-            following[RATE, k] = found[k]
-            following[VELOCITY, k] = motion[VELOCITY, k] + 0.5 * dt * (motion[RATE, k] + found[k])
-            following[PLACE, k] = motion[PLACE, k] + dt * motion[VELOCITY, k]
-        felt_at(robot[0], robot[1], following, felt, moved)
-        if _within(now, moved, dt, settings):
-            return
-        for k in range(count):
-            found[k] = held[k] + PARTED * (found[k] - held[k])
-
-
-@compiled
-def _move(motion, following, interval):  # type: ignore[no-untyped-def]
-    """Moves the coordinates on by an interval, in which accelerations change linearly."""
-    for k in range(following.shape[0]):
-        a, b = motion[RATE, k], following[k]
-        motion[PLACE, k] += interval * (motion[VELOCITY, k] + interval * (2.0 * a + b) / 6.0)
-        motion[VELOCITY, k] += 0.5 * interval * (a + b)
-        motion[RATE, k] = b
-
-
-@compiled
-def _drive(motion, rows, end, intervals, robot, settings, must, driven):  # type: ignore[no-untyped-def]
-    """Writes the accelerations at each point that a candidate motion causes.
-
-    Args:
-        motion: (3, D) the present one.
-        rows: (R, D) accelerations of the coordinates.
-        end: rows until it is at rest; behind it everything stays.
-        intervals: [s].
-        robot: joints and points; see `chain.felt_at`. Without joints rows are accelerations.
-        settings: (SETTINGS,).
-        must: whether it is looked at to its end although it exceeds a limit.
-        driven: (P, R, 3) receives them.
-
-    Returns:
-        whether the origin keeps its limits of acceleration and jerk.
-    """
-    chained = robot[0].shape[0] > 0
-    now, felt = motion.copy(), np.empty((robot[1].shape[0], 3))
-    before, behind = np.empty(3), np.empty(3)
-    kept = True
-    for row in range(end + 1):
-        if row > 0:
-            _move(now, rows[row], intervals[row - 1])
-        before[:] = behind
-        if chained:
-            felt_at(robot[0], robot[1], now, felt, behind)
-        else:
-            for k in range(3):
-                felt[0, k] = behind[k] = rows[row, k]
-        for point in range(felt.shape[0]):
-            for k in range(3):
-                driven[point, row, k] = felt[point, k]
-        if row > 0 and not _within(before, behind, intervals[row - 1], settings):
-            kept = False
-            if not must:
-                return kept
-    for point in range(felt.shape[0]):
-        driven[point, end + 1 :] = driven[point, end]
-    return kept
-
-
-@compiled
-def _allowed(motion, rows, end, intervals, limits):  # type: ignore[no-untyped-def]
-    """Whether a candidate keeps the limits of each coordinate."""
-    for k in range(rows.shape[1]):
-        place, velocity = motion[PLACE, k], motion[VELOCITY, k]
-        for row in range(1, end + 1):
-            h, a, b = intervals[row - 1], rows[row - 1, k], rows[row, k]
-            place += h * (velocity + h * (2.0 * a + b) / 6.0)
-            velocity += 0.5 * h * (a + b)
-            kept = limits[LOWER, k] <= place <= limits[UPPER, k]
-            kept = kept and abs(velocity) <= limits[FASTEST, k] * (1.0 + ROUNDING)
-            kept = kept and abs(b) <= limits[HARDEST, k] * (1.0 + ROUNDING)
-            if not (kept and abs(b - a) <= limits[SHARPEST, k] * h * (1.0 + ROUNDING)):
-                return False
-    return True
-
-
-@compiled
-def _best(uses, kept, rests, settings, in_order, follow):  # type: ignore[no-untyped-def]
+def _best(uses, kept, rests, settings, follow):  # type: ignore[no-untyped-def]
     """Returns the best candidate: a safe one, or else the one that uses least.
 
-    Of safe ones the first where they are in order; the quickest in a stop; else height and
-    duration count, so that the next steps have a choice.
+    Of safe ones the quickest in a stop; else height and duration count, so that the next steps
+    have a choice.
     """
     best, best_score, best_safe = -1, math.inf, False
     for one in range(uses.shape[0]):
@@ -220,9 +80,7 @@ def _best(uses, kept, rests, settings, in_order, follow):  # type: ignore[no-unt
             continue
         safe = uses[one] <= 1.0
         score = uses[one]
-        if safe and in_order:
-            score = float(one)
-        elif safe:
+        if safe:
             enough = settings[ENOUGH] if follow else 1.0
             score = max(score, enough) + settings[HASTE] * rests[one]
         if best < 0 or (safe and not best_safe) or (safe == best_safe and score < best_score):
@@ -243,62 +101,180 @@ def _is_known(plan, state):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _judged(plans, kept, own, state, shares):  # type: ignore[no-untyped-def]
-    """Writes the share of the critical container's limits that each candidate uses."""
-    for one in range(CANDIDATES):
-        shares[one] = own[one, USE] if kept[one] == JUDGED else math.inf
-        if _is_known(plans[one], state):
-            shares[one] = state[BOUND]
+def _tail(settings):  # type: ignore[no-untyped-def]
+    """Returns the rows that are looked at after a stop."""
+    return math.ceil(settings[TAIL] / settings[SPACING])
+
+
+@compiled_apart
+def _prepared(one, plan, begun, moves, rows):  # type: ignore[no-untyped-def]
+    """Writes a candidate's motion and what it does to the containers.
+
+    Args:
+        one: the candidate.
+        plan: (PLAN,) of it.
+        begun: the motion at this moment, the governor's state and stop, settings, limits, robot,
+            the next accelerations by command and by stop, and the stop's row that is row 2.
+        moves: see `_best_of_all`; the candidate's part is written.
+        rows: (R, D) receives its accelerations.
+
+    Returns:
+        0: it exceeds a limit of the motion; JUDGED: it is to be simulated; KNOWN.
+    """
+    motion, state, stop, settings, limits, robot, wanted, held, first = begun
+    _, driven, ends, intervals, times = moves
+    size = times.shape[0]
+    end = candidate(motion, state, stop, settings, plan, wanted, held, first, times, rows)
+    ends[one] = end
+    must, known = _is_held(plan), _is_known(plan, state)
+    if not must:
+        kept = end + _tail(settings) < size
+        if robot[0].shape[0] > 0:
+            kept = kept and keeps_limits(motion, rows, end, intervals, limits)
+        if not kept:
+            return 0
+    last = 1 if known else min(end, size - 1)
+    within = drive(motion, rows, last, intervals, robot, settings, must, driven[one])
+    if known:
+        return KNOWN
+    return JUDGED if must or within else 0
 
 
 @compiled
-def _chosen(  # type: ignore[no-untyped-def]
-    stores, cups, driven, plans, ends, kept, times, intervals, count, settings, state, block,
-    follow, told,
-):  # fmt: skip
-    """Returns the best candidate of a block, and the share of its limits that it uses.
+def _to_front(row, value):  # type: ignore[no-untyped-def]
+    """Moves a value to the front of a row; the last one goes where it was not in it."""
+    place = 0
+    while place < row.shape[0] - 1 and row[place] != value:
+        place += 1
+    for k in range(place, 0, -1):
+        row[k] = row[k - 1]
+    row[0] = value
 
-    One that exceeds a limit of another container than the critical one gives way to the next; of
-    all of the command only one is tried.
+
+@compiled_apart
+def _verified(one, moves, cups, settings, ranks, whole, told):  # type: ignore[no-untyped-def]
+    """Returns the largest share of any container's limits that a candidate uses, by all models.
+
+    Containers that were nearest to their limits are looked at first; the first that exceeds one
+    ends it.
+
+    Args:
+        one: the candidate.
+        moves: see `_best_of_all`.
+        cups, settings: see `govern`.
+        ranks: (C, RANKS); changed.
+        whole: whether shares above 1 are wanted, too; else they may be lower bounds.
+        told: (C, USES) receives the uses; NaN: not looked at.
     """
-    critical, turn, best = int(state[CRITICAL]), 0, -1
-    own, shares = np.full((CANDIDATES, USES), math.nan), np.full(CANDIDATES, math.inf)
-    uses = own.copy()
-    cup, which = critical, np.flatnonzero(kept == JUDGED)
-    while True:
-        if which.shape[0] > 0:
-            part = stores[cup * MODELS : (cup + 1) * MODELS]
-            add_uses(part, cups[cup], driven, which, ends, intervals, count, settings, own)
-        if best < 0:
-            uses[:] = own
-            _judged(plans, kept, own, state, shares)
+    stores, driven, ends, intervals, _ = moves
+    which, models = np.array([one]), np.arange(MODELS)
+    count = min(ends[one] + _tail(settings), intervals.shape[0])
+    own, order = np.full((CANDIDATES, USES), math.nan), ranks[:, ORDER].copy()
+    told[:] = math.nan
+    most, critical = -1.0, order[0]
+    for cup in order:
+        part = stores[cup * MODELS : (cup + 1) * MODELS]
+        model = add_uses(
+            part, cups[cup], driven, which, models, ends, intervals, count, settings, whole, own
+        )
+        _to_front(ranks[cup, WORST:], model)
+        told[cup] = own[one]
+        if not own[one, USE] <= most:
+            most, critical = own[one, USE], cup
+        if not most <= 1.0:
+            break
+    _to_front(ranks[:, ORDER], critical)
+    return most
+
+
+@compiled
+def _screened(moves, kept, cups, settings, bound, ranks, shares):  # type: ignore[no-untyped-def]
+    """Writes lower bounds of what each candidate uses, by few models of one container."""
+    stores, driven, ends, intervals, _ = moves
+    which = np.flatnonzero(kept == JUDGED)
+    own = np.full((CANDIDATES, USES), math.inf)
+    if which.shape[0] > 0:
+        cup, count = ranks[0, ORDER], min(ends[which].max() + _tail(settings), intervals.shape[0])
+        part = stores[cup * MODELS : (cup + 1) * MODELS]
+        models = ranks[cup, WORST:]
+        add_uses(
+            part, cups[cup], driven, which, models, ends, intervals, count, settings, True, own
+        )
+    for one in range(CANDIDATES):
+        shares[one] = bound if kept[one] == KNOWN else own[one, USE]
+
+
+@compiled
+def _best_part(plans, begun, moves, rows, cups, ranks, told):  # type: ignore[no-untyped-def]
+    """Returns the candidate with the largest share of the command that is safe, by bisection.
+
+    The last candidate is the held stop. What is not looked at is taken to be as its neighbours.
+    """
+    settings, bound, trial = begun[3], begun[1][BOUND], told.copy()
+    best, use, above, below = HELD, math.inf, -1, HELD
+    while above + 1 < below:
+        one = (above + below) // 2
+        found = math.inf
+        if _prepared(one, plans[one], begun, moves, rows[one]) == JUDGED:
+            found = _verified(one, moves, cups, settings, ranks, False, trial)
+        if found <= 1.0:
+            best, use, below = one, found, one
+            told[:] = trial
         else:
-            told[cup] = own[best]
-            if own[best, USE] > shares[best]:
-                shares[best] = own[best, USE]
-                state[CRITICAL] = cup
-        if best < 0 or (shares[best] > 1.0 and block != WHOLE):
-            best = _best(shares, kept, times[ends - 1], settings, block == PARTS, follow)
-            told[:] = math.nan
-            told[critical] = uses[best]
-            turn = 0
-        turn += int(turn == critical)
-        done = turn >= cups.shape[0] or _is_known(plans[best], state)
-        if done or not shares[best] <= 1.0:
+            above = one
+    if best == HELD:
+        told[:] = math.nan
+        known = _prepared(HELD, plans[HELD], begun, moves, rows[HELD]) == KNOWN
+        use = bound if known else _verified(HELD, moves, cups, settings, ranks, True, told)
+    return best, use
+
+
+@compiled
+def _best_of_all(moves, kept, cups, settings, bound, ranks, follow, last, told):  # type: ignore[no-untyped-def]
+    """Returns the best candidate, and the share of all limits that it uses.
+
+    Few models tell which are surely unsafe; the best of the others are verified by all models.
+
+    Args:
+        moves: all models, what drives containers in each candidate, its rows until it is at rest,
+            and the intervals and times of rows.
+        kept: (CANDIDATES,) what `_prepared` returns.
+        cups, settings: see `govern`.
+        bound: share that the held stop uses, if it is known.
+        ranks: (C, RANKS); changed.
+        follow: whether the command counts.
+        last: whether no other candidates follow: then something is told in any case.
+        told: (C, USES) receives what the best one uses.
+    """
+    shares, rests = np.empty(CANDIDATES), moves[4][moves[2] - 1]
+    _screened(moves, kept, cups, settings, bound, ranks, shares)
+    best = _best(shares, kept, rests, settings, follow)
+    for _ in range(VERIFIED):
+        if kept[best] != JUDGED or not shares[best] <= 1.0:
+            break
+        shares[best] = _verified(best, moves, cups, settings, ranks, False, told)
+        if shares[best] <= 1.0:
             return best, shares[best]
-        cup, which = turn, np.array([best])
-        turn += 1
+        best = _best(shares, kept, rests, settings, follow)
+    for one in range(CANDIDATES):
+        if kept[one] == JUDGED:
+            shares[one] = max(shares[one], BEYOND)
+    best = _best(shares, kept, rests, settings, follow)
+    told[:] = math.nan
+    if last and kept[best] == JUDGED:
+        shares[best] = _verified(best, moves, cups, settings, ranks, True, told)
+    return best, shares[best]
 
 
 @entry_point(
     int64(
         CHANGED_2, CHANGED_2, CHANGED_2, CHANGED_1, GIVEN_1, boolean, GIVEN_1, GIVEN_2, GIVEN_2,
-        GIVEN_2, GIVEN_2, CHANGED_2, CHANGED_2, CHANGED_1,
+        GIVEN_2, GIVEN_2, int64[:, ::1], CHANGED_2, CHANGED_2, CHANGED_1,
     )
 )  # fmt: skip
 def govern(  # type: ignore[no-untyped-def]
     stores, stop, motion, state, command, follow, settings, limits, cups, joints, points,
-    chosen, told, answer,
+    ranks, chosen, told, answer,
 ):  # fmt: skip
     """Computes one step of the governor, of duration PERIOD.
 
@@ -313,6 +289,7 @@ def govern(  # type: ignore[no-untyped-def]
         limits: (5, D) of each coordinate.
         cups: (C, CUP).
         joints, points: see `chain.felt_at`; no joints: the coordinates are x, y, z.
+        ranks: (C, RANKS); changed.
         chosen: (P, 3) receives the acceleration of the next moment at each point [m/s²].
         told: (C, USES) receives what the answer uses of each container's limits; NaN: not looked
             at, as its stop was found safe before.
@@ -328,42 +305,27 @@ def govern(  # type: ignore[no-untyped-def]
     wanted, held = np.empty(coordinates), np.empty(coordinates)
     next_held(motion, state, stop, settings, held)
     if joints.shape[0] == 0:
-        _wanted(motion, command, settings, wanted)
+        wanted_by_axes(motion, command, settings, wanted)
     else:
-        _wanted_of_joints(motion, command, limits, settings, held, robot, wanted)
+        wanted_of_joints(motion, command, limits, settings, held, robot, wanted)
     rows, plans = np.zeros((CANDIDATES, size, coordinates)), np.zeros((CANDIDATES, PLAN))
     driven = np.zeros((CANDIDATES, points.shape[0], size, 3))
-    ends, kept = np.zeros(CANDIDATES, dtype=np.int64), np.zeros(CANDIDATES, dtype=np.int64)
-    tail = math.ceil(settings[TAIL] / settings[SPACING])
+    ends, kept = np.ones(CANDIDATES, dtype=np.int64), np.zeros(CANDIDATES, dtype=np.int64)
+    moves = (stores, driven, ends, intervals, times)
+    begun = (motion, state, stop, settings, limits, robot, wanted, held, first)
     state[TURN] += 1.0
     best, use, answer[TRIED] = 0, math.inf, 0.0
     block = WHOLE if follow else OTHERS
     while block <= OTHERS and not use <= 1.0:
         make_plans(state, settings, block, follow, plans, best)
-        count = 0
-        for one in range(CANDIDATES):
-            ends[one] = candidate(
-                motion, state, stop, settings, plans[one], wanted, held, first, times, rows[one]
+        if block == PARTS:
+            best, use = _best_part(plans, begun, moves, rows, cups, ranks, told)
+        else:
+            for one in range(CANDIDATES):
+                kept[one] = _prepared(one, plans[one], begun, moves, rows[one])
+            best, use = _best_of_all(
+                moves, kept, cups, settings, state[BOUND], ranks, follow, block == OTHERS, told
             )
-            must, known = _is_held(plans[one]), _is_known(plans[one], state)
-            kept[one] = must or (
-                ends[one] + tail < size
-                and (joints.shape[0] == 0
-                     or _allowed(motion, rows[one], ends[one], intervals, limits))
-            )  # fmt: skip
-            if kept[one]:
-                last = 1 if known else min(ends[one], size - 1)
-                within = _drive(
-                    motion, rows[one], last, intervals, robot, settings, must, driven[one]
-                )
-                kept[one] = KNOWN if known else (JUDGED if must or within else 0)
-            if kept[one] == JUDGED:
-                count = max(count, min(ends[one] + tail, size))
-        if kept.any():
-            best, use = _chosen(
-                stores, cups, driven, plans, ends, kept, times, intervals, count, settings, state,
-                block, follow, told,
-            )  # fmt: skip
         answer[TRIED] += 1.0
         block += 1
     state[BOUND] = use
@@ -386,3 +348,25 @@ def govern(  # type: ignore[no-untyped-def]
 def feel(joints, points, motion, felt):  # type: ignore[no-untyped-def]
     """Computes what containers on a link feel; the arguments are those of `chain.felt_at`."""
     felt_at(joints, points, motion, felt, np.empty(3))
+
+
+@entry_point(void(CHANGED_2, GIVEN_1, GIVEN_2, GIVEN_2, float64))
+def relive(stores, scales, modal, felt, period):  # type: ignore[no-untyped-def]
+    """Sets all models of a container to an observed state, and brings them to the present.
+
+    Args:
+        stores: (MODELS, …) as they were at the moment of the state; changed.
+        scales: (MODELS,) factors of the state.
+        modal: (modes, 4) x, y, vx, vy of each mode [m, m/s].
+        felt: (N, 3) accelerations since then, one a step [m/s²].
+        period: of a step [s].
+    """
+    for number in range(stores.shape[0]):
+        runs, modes = records(stores[number])
+        for n in range(modes.shape[0]):
+            mode, scale = modes[n], scales[number]
+            mode["x"], mode["y"] = scale * modal[n, 0], scale * modal[n, 1]
+            mode["vx"], mode["vy"] = scale * modal[n, 2], scale * modal[n, 3]
+        for row in range(felt.shape[0]):
+            x, y, z = felt[row, 0], felt[row, 1], felt[row, 2]
+            advance(runs[0], modes, x, y, z, 0.0, UPRIGHT, period)

@@ -11,6 +11,8 @@ MODELS, CANDIDATES = 8, 4
 together."""
 LIGHT = 6
 """So many that follow the first have the least damping."""
+HELD = CANDIDATES - 1
+"""The held stop among shares of the command."""
 WHOLE, PARTS, OTHERS = range(3)
 """What is tried in turn; see `stops.plan`."""
 
@@ -33,11 +35,15 @@ is as good as any; what a second of its duration costs, in parts of the limit; p
 difference of the lightly damped models' answers that is added for those between them."""
 SETTINGS = 15
 
-SUBSTEP, ROWS, DURATION, BUMP_EARLY, BUMP_LATE, TURN, BOUND, CRITICAL = range(8)
+SUBSTEP, ROWS, DURATION, BUMP_EARLY, BUMP_LATE, TURN, BOUND = range(7)
 """State: step since the stop's row 0, rows of the stop; duration [s] and bumps of the last good
-law, number of the step, share of the limits up to which the held stop was found safe; container
-that was nearest to its limit."""
-STATE = 8
+law, number of the step, share of the limits up to which the held stop was found safe."""
+STATE = 7
+
+ORDER, WORST = 0, 1
+"""Ranks of a container: in column 0 of row k the container that was the k-th nearest to its limits
+of late; then the two models of the row's own container that used most."""
+RANKS = 3
 
 (
     LIMIT, EXTRA, POINT, SIZE, DRIVEN, MODULATED, STEPS, MASS_POINT, FRICTION, BASE, CENTRE,

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from slosh_base.compiled.compilation import compiled
+from slosh_base.compiled.compilation import compiled, compiled_apart
 from slosh_model.batch_kernel import advance_lanes
 from slosh_model.constants import GRAVITY
 from slosh_model.indices import GAIN, GAIN_Y, POSE_COUNT
@@ -28,7 +28,6 @@ from slosh_plan.governor.layout import (
     LIMIT,
     MASS_POINT,
     MASS_X,
-    MODELS,
     MODULATED,
     NOMINAL,
     PEAK,
@@ -42,30 +41,38 @@ from slosh_plan.governor.layout import (
     USE,
 )
 
+BEYOND = 1.0 + 1e-9
+"""Least share of a limit that a motion uses which was not looked at to its end."""
 LEAST = 1e-3
 """Least specific force that presses a container on its tray [m/s²]."""
 
 
 @compiled
-def _simulated(stores, cup, driven, which, intervals, count, heights):  # type: ignore[no-untyped-def]
-    """Writes the wall heights of all models in some candidates, a lane for each."""
-    lanes, size = which.shape[0] * MODELS, int(cup[SIZE])
+def _simulated(  # type: ignore[no-untyped-def]
+    stores, cup, driven, which, models, intervals, count, ceiling, heights
+):
+    """Writes the wall heights of some models in some candidates, a lane for each.
+
+    Returns:
+        for how many rows: fewer than `count` after a height beyond the ceiling [m].
+    """
+    lanes, size = which.shape[0] * models.shape[0], int(cup[SIZE])
     copies = np.empty((lanes, size))
     rows = np.empty(lanes, dtype=np.int64)
     for lane in range(lanes):
         for k in range(size):
-            copies[lane, k] = stores[lane % MODELS, k]
-        rows[lane] = lane // MODELS
+            copies[lane, k] = stores[models[lane % models.shape[0]], k]
+        rows[lane] = lane // models.shape[0]
     inputs = np.empty((which.shape[0], count, 3))
     for one in range(which.shape[0]):
         for row in range(count):
             inputs[one, row] = driven[which[one], int(cup[POINT]), row]
     counts = np.full(count - 1, int(cup[STEPS]))
-    advance_lanes(
+    return advance_lanes(
         copies, counts, np.zeros(lanes, dtype=np.int64), rows,
         intervals[: count - 1].copy().reshape(1, count - 1), inputs,
         np.empty((0, count)), np.empty((0, count, POSE_COUNT)), cup[DRIVEN] != 0.0,
-        cup[MODULATED] != 0.0, heights,
+        cup[MODULATED] != 0.0, heights, ceiling,
     )  # fmt: skip
 
 
@@ -185,58 +192,76 @@ def _standing(cup, placed, pushing, weights, pressing, count):  # type: ignore[n
 
 
 @compiled
-def _raised(values, settings):  # type: ignore[no-untyped-def]
-    """Returns the greatest of all models' answers, raised for those between them."""
+def _raised(values, models, settings):  # type: ignore[no-untyped-def]
+    """Returns the greatest of some models' answers, raised for those between all of them.
+
+    Of fewer models it is never greater than of all.
+    """
     highest, least = 0.0, math.inf
-    for model in range(MODELS):
-        highest = max(highest, values[model])
-        if 0 < model <= LIGHT:
-            least = min(least, values[model])
-    return (highest + settings[SPREAD] * (highest - least)) * (1.0 + settings[RESERVE])
+    for n in range(models.shape[0]):
+        highest = max(highest, values[n])
+        if 0 < models[n] <= LIGHT:
+            least = min(least, values[n])
+    spread = max(highest - least, 0.0)
+    return (highest + settings[SPREAD] * spread) * (1.0 + settings[RESERVE])
 
 
-@compiled
-def add_uses(stores, cup, driven, which, ends, intervals, count, settings, uses):  # type: ignore[no-untyped-def]
-    """Writes what some candidates use of a container's limits.
+@compiled_apart
+def add_uses(  # type: ignore[no-untyped-def]
+    stores, cup, driven, which, models, ends, intervals, count, settings, whole, uses
+):
+    """Writes what some candidates use of a container's limits, by some of its models.
 
     Args:
         stores: (MODELS, …) of the container at this moment.
         cup: (CUP,).
         driven: (CANDIDATES, P, rows, 3) acceleration at each point.
         which: (N,) the candidates.
+        models: (M,) the models; of a part of them the shares are lower bounds.
         ends: (CANDIDATES,) rows until each is at rest.
         intervals: time from a row to the next [s].
         count: of the rows that are looked at.
         settings: (SETTINGS,).
+        whole: whether shares are wanted if they exceed a limit; else they are lower bounds then.
         uses: (CANDIDATES, USES); the rows of these candidates are written.
+
+    Returns:
+        the model that uses most in the last of the candidates.
     """
-    heights = np.empty((which.shape[0] * MODELS, count, 2))
-    _simulated(stores, cup, driven, which, intervals, count, heights)
+    lanes = models.shape[0]
+    heights = np.empty((which.shape[0] * lanes, count, 2))
+    ceiling = math.inf if whole else cup[LIMIT]
+    done = _simulated(stores, cup, driven, which, models, intervals, count, ceiling, heights)
+    exceeded = BEYOND if done < count else 0.0
+    count = done
     runs, modes = records(stores[0, : int(cup[SIZE])])
     loose = cup[FRICTION] > 0.0
-    tops, slips, tips = np.zeros(MODELS), np.zeros(MODELS), np.zeros(MODELS)
+    tops, slips, tips = np.zeros(lanes), np.zeros(lanes), np.zeros(lanes)
     placed, pushing = np.empty((count, 2)), np.empty((count, 2))
-    pressing = np.empty((count, 2))
-    weights = np.empty((count, 3))
+    pressing, weights = np.empty((count, 2)), np.empty((count, 3))
     if loose:
         _curvature(intervals, count, weights)
+    worst = 0
     for one in range(which.shape[0]):
-        candidate = which[one]
+        candidate, most = which[one], -1.0
         pressed = driven[candidate, int(cup[MASS_POINT])]
         if loose:
             _pressures(pressed, runs[0]["axes"], count, pushing, pressing)
-        for model in range(MODELS):
-            lane = heights[one * MODELS + model]
-            tops[model] = _highest(lane, count, ends[candidate], runs[0], modes[0])
+        for n in range(lanes):
+            lane = heights[one * lanes + n]
+            tops[n] = _highest(lane, count, ends[candidate], runs[0], modes[0])
             if loose:
-                store = stores[model, : int(cup[SIZE])]
+                store = stores[models[n], : int(cup[SIZE])]
                 _displacements(store, lane, driven[candidate, int(cup[POINT])], count, placed)
-                slips[model], tips[model] = _standing(
-                    cup, placed, pushing, weights, pressing, count
-                )
+                slips[n], tips[n] = _standing(cup, placed, pushing, weights, pressing, count)
+            share = max(tops[n] / cup[LIMIT], max(slips[n], tips[n]))
+            if share > most:
+                worst, most = models[n], share
         found = uses[candidate]
-        found[PEAK], found[NOMINAL] = _raised(tops, settings) + cup[EXTRA], tops[0]
-        found[USE] = found[PEAK] / cup[LIMIT]
+        found[PEAK], found[NOMINAL] = _raised(tops, models, settings) + cup[EXTRA], tops[0]
+        found[USE] = max(found[PEAK] / cup[LIMIT], exceeded)
         if loose:
-            found[SLIP], found[TIP] = _raised(slips, settings), _raised(tips, settings)
+            found[SLIP] = _raised(slips, models, settings)
+            found[TIP] = _raised(tips, models, settings)
             found[USE] = max(found[USE], max(found[SLIP], found[TIP]))
+    return worst
