@@ -188,10 +188,10 @@ def tables(rows: np.ndarray, plain: str) -> Mapping[str, tuple[str | bytes | Non
 
 MODELS: Mapping[str, tuple[Callable[[str], str], str]] = {
     "the radius in mm": (
-        lambda text: text.replace("radius: 0.04", "radius: 40"), r":5: .*did you mean 40 mm, 0.04",
+        lambda text: text.replace("radius: 0.04", "radius: 40"), r":6: .*did you mean 40 mm, 0.04",
     ),
     "the radius with its unit": (
-        lambda text: text.replace("radius: 0.04", "radius: 4cm"), r":5: .*without the unit",
+        lambda text: text.replace("radius: 0.04", "radius: 4cm"), r":6: .*without the unit",
     ),
     "no fill_height": (
         lambda text: re.sub(r"\n  fill_height.*", "", text), "'container.fill_height' is missing",
@@ -207,7 +207,7 @@ MODELS: Mapping[str, tuple[Callable[[str], str], str]] = {
         lambda text: text.replace("rim_height: 0.11", "rim_height: 0.05"),
         "rim_height = 0.05 m must lie above",
     ),
-    "tabs for blanks": (lambda text: text.replace("  radius", "\tradius"), r":5: .*tab"),
+    "tabs for blanks": (lambda text: text.replace("  radius", "\tradius"), r":6: .*tab"),
     "effects by name alone": (
         lambda text: text.replace("- name: vertical_acceleration", "- vertical_acceleration"),
         "did you mean - name: vertical_acceleration",
