@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+from datetime import datetime, timedelta
 
 import pytest
 
@@ -55,9 +56,17 @@ def test_a_certificate_is_replaced_only_when_asked(folder, capsys):
     assert after["sha256"] != before["sha256"]
 
 
-def test_an_expired_one_fails_the_check(folder, capsys):
-    # Valid from a day ago: a rest of nothing has ended when it is listed.
-    (row,) = listed(folder, capsys, "--create", "b", "--replace", "--days", "1e-6", code=1)
+class Tomorrow(datetime):
+    @classmethod
+    def now(cls, tz=None):
+        return datetime.now(tz) + timedelta(days=1)
+
+
+def test_an_expired_one_fails_the_check(folder, capsys, monkeypatch):
+    main(["certificates", str(folder), "--create", "b", "--replace", "--days", "0.5"])
+    capsys.readouterr()
+    monkeypatch.setattr("slosh_bringup.cli.certificates.datetime", Tomorrow)
+    (row,) = listed(folder, capsys, code=1)
     assert "expired on" in row["complaint"]
 
 
