@@ -67,7 +67,6 @@ class KnownState:
         comparison: Verifier | None = None,
     ) -> None:
         self._estimate, self._comparison = verifier, comparison
-        self._verifiers = [one for one in (verifier, comparison) if one is not None]
         self._found_before = False  # the next input is the first one with a known estimate
         self._trays = tuple(trays)
         self._losses = losses
@@ -151,8 +150,10 @@ class KnownState:
         if self._found_before and self._comparison is not None:
             self._comparison.find(after_ns)  # nothing was replayed since
         self._found_before = False
-        for verifier in self._verifiers if self._known else ():
-            verifier.lose(after_ns, AT_FIRST if after_ns == _LONG_AGO else LATER)
+        why = AT_FIRST if after_ns == _LONG_AGO else LATER
+        for verifier in (self._estimate, self._comparison) if self._known else ():
+            if verifier is not None:
+                verifier.lose(after_ns, why)
         for verifier in self._trays:
             verifier.lose(after_ns, OF_A_TRAY)
         self._trays = ()
