@@ -4,8 +4,10 @@
 
 Streams, liquids and delays are those of `governor.py`; every limit is checked by `simulate`,
 `standing_use` and Pinocchio. *Four cups*: each drawn with its own limit, two stand loosely.
-*Joints*: velocities of the arm of `six_axes.py`, that tilt the cup by some degrees. *Without*:
-acceleration and jerk alone, of the tray or of each joint. Tuned on `--half 0`.
+*Joints*: velocities of the arm of `six_axes.py`, that tilt the cup by some degrees. *Twist, pose*:
+velocities or targets of the cup that this arm carries, from a drawn position; half of the streams
+drive it out of its reach; the joints are those of `carried_joints.py`. *Without*:
+acceleration and jerk alone, of the tray, the cup or of each joint. Tuned on `--half 0`.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 import with_tools  # noqa: F401
+from carried_joints import carried_use
 from governor import (
     COMMANDS,
     DAMPING,
@@ -33,7 +36,7 @@ from governor import (
     tracked,
 )
 from observer_accuracy import write_table
-from six_axes import six_axes
+from six_axes import UPRIGHT, six_axes
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
@@ -50,6 +53,8 @@ FREE = 1.0
 """Limit of a height without regard to the liquid [m]."""
 JOINT_SCALE = (0.7, 0.35, 0.5, 0.35, 0.5, 0.0)
 """Sizes of commanded velocities of the joints [rad/s]."""
+STARTS = (1.0, 0.3, 0.25, 1.0, 1.5, 1.0)
+"""By which positions of joints vary at the start, to either side [rad]."""
 TILTING = 0.02
 """Speed with which the fourth and the sixth joint tilt the cup [rad/s]."""
 HEAD = (
@@ -60,12 +65,31 @@ HEAD = (
 
 
 class Load(NamedTuple):
-    """Containers, limits and commands for the governor, and the arm if joints are commanded."""
+    """Containers, limits and commands for the governor, and the robot.
+
+    Attributes:
+        tray, limits: of the governor.
+        commands: (COMMANDS, D) velocities.
+        arm: its joints are commanded; None: the container is.
+        carrier: its joints carry the commanded container; None: not regarded.
+        targets: (COMMANDS, 3) of the container, commanded in place of the velocities [m].
+    """
 
     tray: Tray
     limits: PlanLimits
     commands: Array
     arm: GovernedArm | None = None
+    carrier: GovernedArm | None = None
+    targets: Array | None = None
+
+    def command(self, row: int, stamp_ns: int) -> Command | None:
+        """Returns the command of a row at a moment [ns]; None in a pause."""
+        given = self.commands[row]
+        if np.isinf(given).any():
+            return None
+        if self.targets is None or np.isnan(given).any():
+            return Command(stamp_ns, tuple(given.tolist()))
+        return Command(stamp_ns, (), tuple(self.targets[row].tolist()))
 
 
 class Moves(NamedTuple):
@@ -109,16 +133,46 @@ def of_joints(rng: np.random.Generator) -> Load:
     return Load(Tray((cup,)), limits, commands, six_axes())
 
 
-LOADS = {"four cups": four_cups, "joints": of_joints}
+def carried(rng: np.random.Generator) -> Load:
+    """Draws velocities of a cup that an arm carries, half of them out of its reach."""
+    model, height = drawn_cup(rng)
+    speed = rng.uniform(0.1, 0.5)
+    commands = drawn_commands(rng, np.full(3, speed), 0.2 * speed, first_period(model))
+    if rng.random() < 0.5:
+        way = rng.normal(size=3)
+        commands += rng.uniform(0.3, 0.8) * way / np.linalg.norm(way)
+    start = np.array(UPRIGHT) + rng.uniform(-1.0, 1.0, 6) * STARTS
+    cup = TrayContainer("", model, limit=height)
+    limits = PlanLimits(FREE, FREE, acceleration=5.0, jerk=74.0)
+    return Load(Tray((cup,)), limits, commands, carrier=six_axes(start.tolist()))
+
+
+def carried_to_targets(rng: np.random.Generator) -> Load:
+    """Draws targets of a cup that an arm carries: where velocities would lead."""
+    load = carried(rng)
+    steps = np.nan_to_num(load.commands, nan=0.0, posinf=0.0)
+    return load._replace(targets=PERIOD * np.cumsum(steps, axis=0))
+
+
+LOADS = {
+    "four cups": four_cups, "joints": of_joints, "twist, robot": carried,
+    "pose, robot": carried_to_targets,
+}  # fmt: skip
+
+
+def governor_of(load: Load, period: float) -> Governor:
+    """Returns the governor of a load, with steps of a period [s]."""
+    return Governor(load.tray, load.limits, period=period, arm=load.arm, carrier=load.carrier)
 
 
 def begun(load: Load, steps: int) -> tuple[Governor, list[Governed]]:
     """Returns the governor after so many steps of a load's commands, and the steps."""
-    governor, told = Governor(load.tray, load.limits, period=PERIOD, arm=load.arm), []
+    governor, told = governor_of(load, PERIOD), []
     for step in range(steps):
-        row, now = load.commands[step], 1 + step * round(PERIOD * SECOND)
-        if not np.isinf(row).any():
-            governor.take(Command(now, tuple(row.tolist())))
+        now = 1 + step * round(PERIOD * SECOND)
+        command = load.command(step, now)
+        if command is not None:
+            governor.take(command)
         told.append(governor.step(now))
     return governor, told
 
@@ -126,8 +180,9 @@ def begun(load: Load, steps: int) -> tuple[Governor, list[Governed]]:
 def moves_of(load: Load, told: list[Governed]) -> Moves:
     """Returns the motion of governed steps."""
     rows = [
-        one.joints or (one.velocity, one.acceleration, one.position) for one in told
-    ]  # fmt: skip
+        (one.velocity, one.acceleration, one.position) if load.arm is None else one.joints
+        for one in told
+    ]
     start = np.zeros(3) if load.arm is None else load.arm.start
     still = np.zeros(len(start))
     columns = (
@@ -202,6 +257,8 @@ def highest(load: Load, moves: Moves, pairs: list[tuple[float, float]]) -> Array
 
 def joint_use(load: Load, moves: Moves) -> float:
     """Returns the greatest position, velocity, acceleration or jerk of a joint by its limit."""
+    if load.carrier is not None:
+        return carried_use(load.carrier, *moves, PERIOD)
     if load.arm is None:
         return 0.0
     limits = load.arm.limits
@@ -235,6 +292,8 @@ def run(name: str, seed: int) -> tuple[float, ...]:
         blind = highest(load, free, pairs[:1])
     except SloshPlanError:  # far beyond the range of a joint
         blind = np.full(2, math.inf)
+    if load.carrier is not None:
+        blind[1] = joint_use(load, free)
     return (
         *heights, joint_use(load, moves), blind.max(),
         delays(load.commands, moves.velocity[1:]),

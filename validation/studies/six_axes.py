@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
 
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from slosh_base.types import Array
 from slosh_plan.governor import GovernedArm
 from slosh_plan.governor.robot_arm import with_defaults
 from slosh_plan.joints import Arm
@@ -19,7 +23,12 @@ UPRIGHT = (0.0, -1.2, 1.7, -0.5, 0.0, 0.0)
 CUP = "cup"
 
 
-def _urdf() -> str:
+def urdf_of(start: Array) -> str:
+    """Returns the description of the arm whose cup is upright at joint positions (6,) [rad]."""
+    turned = Rotation.identity()
+    for axis, angle in zip(AXES, start, strict=True):
+        turned = turned * Rotation.from_rotvec(angle * np.array(axis.split(), dtype=np.float64))
+    grip = " ".join(f"{angle:.17g}" for angle in turned.inv().as_euler("xyz"))
     lines = ['<robot name="six_axes"><link name="link0"/>']
     for number, (axis, step) in enumerate(zip(AXES, STEPS, strict=True), 1):
         lines.append(
@@ -30,13 +39,14 @@ def _urdf() -> str:
         )
     lines.append(
         f'<link name="{CUP}"/><joint name="grip" type="fixed"><parent link="link6"/>'
-        f'<child link="{CUP}"/><origin xyz="0 0.08 0.1"/></joint></robot>'
+        f'<child link="{CUP}"/><origin xyz="0 0.08 0.1" rpy="{grip}"/></joint></robot>'
     )
     return "".join(lines)
 
 
-def six_axes() -> GovernedArm:
-    """Returns the arm, with the cup upright."""
-    arm = Arm(_urdf(), CUP)
+def six_axes(start: Sequence[float] = UPRIGHT) -> GovernedArm:
+    """Returns the arm at joint positions (6,) [rad] at which it holds the cup upright."""
+    places: Array = np.array(start, dtype=np.float64)
+    arm = Arm(urdf_of(places), CUP)
     limits = with_defaults(limits_of(arm, arm.carrying), ACCELERATION, JERK)
-    return GovernedArm(arm, limits, np.array(UPRIGHT))
+    return GovernedArm(arm, limits, places)

@@ -234,7 +234,7 @@ class LaunchedCell:
             more["estimator"] = {"input": self._given["input"]}
         if self._given["input"] == JOINTS:
             more["estimator"] |= self._robot()
-        if "joint" in self._given["govern"]:
+        if self._given["govern"]:
             more["governor"] = self._robot()
         return [
             _with(process, more.get(process.name, {}))
@@ -246,7 +246,7 @@ class LaunchedCell:
         """Returns the processes of the enabled services and web pages."""
         model = {"model": str(setup.model)}
         robot = self._robot()
-        used = self._flag("predict") or "joint" in self._given["govern"]
+        used = self._flag("predict") or bool(self._given["govern"])
         if self._given["input"] != JOINTS and (len(robot) == 1 or (robot and not used)):
             raise SloshBringupError(
                 "urdf:=, tool_frame:= and predict:=true must be given together"

@@ -147,6 +147,24 @@ class PlanTuning:
     governor_moved: float = number(
         0.01, "rad", "joint that was moved so far by others begins anew"
     )
+    # governor/inverse.py and governor/carrier.py
+    governor_damping: float = number(1e-4, "m", "singular value at which joints hardly follow")
+    governor_stray: float = number(0.005, "m", "predicted joints miss the container by so much")
+    governor_unreached: float = number(0.01, "1", "part of a velocity that joints do not reach")
+    governor_carried: float = number(
+        0.02, "1", "part of a carrying joint's velocity limit that is left between samples"
+    )
+    governor_carried_change: float = number(
+        0.05, "1", "the same of its acceleration and jerk limits"
+    )
+    governor_carried_place: float = number(1e-3, "rad", "the same of its range, at both ends")
+    governor_upright: float = number(0.02, "rad", "tilt up to which a container is upright")
+    governor_measured: float = number(
+        1e-4, "rad", "measured joint that is so far from the computed one moved at rest"
+    )
+    governor_strayed: float = number(
+        0.3, "rad", "distance of a moving robot's joint from the governor's that is a stop"
+    )
     # consistency.py
     window: float = number(0.1, "s", "window over which two fields are compared")
     window_samples: int = number(4, "1", "sampling intervals of that window, at least")

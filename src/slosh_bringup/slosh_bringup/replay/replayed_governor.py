@@ -40,6 +40,8 @@ _ROWS = {
 """Sequences of GovernedMotion.msg by the attributes of Governed and their rows."""
 STEPS, TAKEN, REASON, AGE = "steps", "commands_taken", "reason", "command_age"
 LIQUID = ("liquid_stamp.sec", "liquid_stamp.nanosec")
+STARTS = tuple(f"joint_start[{k}]" for k in range(MOST))
+"""Measured positions from which carrying joints go on; older recordings have none."""
 _FIELDS = (
     *(f"{name}[{k}]" for name in _VECTORS for k in range(3)), *_NUMBERS,
     *(f"{name}[{k}]" for name in _ROWS for k in range(MOST)),
@@ -69,8 +71,8 @@ def governor_row() -> ReplayedNode:
         ReplayedGovernor,
         outputs=(
             NodeTopic(
-                GOVERNED_MOTION, _TYPES[GOVERNED_MOTION], (*_FIELDS, *LIQUID),
-                known=_FromTheStart(),
+                GOVERNED_MOTION, _TYPES[GOVERNED_MOTION], (*_FIELDS, *LIQUID, *STARTS),
+                known=_FromTheStart(), later=dict.fromkeys(STARTS, math.nan),
             ),
         ),
         needs_recorded=True,
@@ -88,6 +90,7 @@ class _Step(NamedTuple):
         age: of the command in force [s].
         velocity, target: of the last command; NaN: not given.
         places: joint positions.
+        joint_start: measured positions from which carrying joints go on with it; NaN: none.
     """
 
     stamp_ns: int
@@ -99,6 +102,7 @@ class _Step(NamedTuple):
     velocity: tuple[float, ...]
     target: tuple[float, ...]
     places: tuple[float, ...]
+    joint_start: tuple[float, ...]
 
     def command(self, size: int) -> Command:
         """Returns the step's newest velocity command, with `size` coordinates."""
@@ -161,6 +165,10 @@ class ReplayedGovernor:
             if self._liquids and self._liquids[0].stamp_ns == step.liquid_ns:
                 governor.see(self._liquids.popleft())
         self._liquid_ns = step.liquid_ns
+        governor.lose(lost=step.reason == StopReason.JOINTS)
+        joints = step.joint_start[: governor.joints.shape[1]]
+        if joints and not any(map(math.isnan, joints)):
+            governor.locate(joints)
         if step.reason == StopReason.REQUESTED:
             governor.stop()
         else:
@@ -190,7 +198,7 @@ def _steps(recorded: Messages) -> list[_Step]:
     whole = [columns[name].astype(np.int64).tolist() for name in (STEPS, TAKEN, REASON)]
     rows = [
         np.column_stack([columns[f"{name}[{k}]"] for k in range(MOST)]).tolist()
-        for name in ("target_velocity", "target", "joint_position")
+        for name in ("target_velocity", "target", "joint_position", "joint_start")
     ]
     return [
         _Step(*numbers, *map(tuple, vectors))

@@ -32,7 +32,7 @@ UPSIDE = 1e-6
 
 
 @compiled
-def _times(r, x, y, z):  # type: ignore[no-untyped-def]
+def rotated(r, x, y, z):  # type: ignore[no-untyped-def]
     """Returns a rotated vector."""
     return (
         r[0] * x + r[1] * y + r[2] * z,
@@ -42,7 +42,7 @@ def _times(r, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _cross(a, b):  # type: ignore[no-untyped-def]
+def cross(a, b):  # type: ignore[no-untyped-def]
     return (
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],
@@ -59,7 +59,7 @@ def _carried(force, spin, change, r):  # type: ignore[no-untyped-def]
         spin, change: angular velocity and its derivative [rad/s, rad/s²].
         r: [m].
     """
-    turned = _cross(change, r)
+    turned = cross(change, r)
     along = spin[0] * r[0] + spin[1] * r[1] + spin[2] * r[2]
     square = spin[0] * spin[0] + spin[1] * spin[1] + spin[2] * spin[2]
     return (
@@ -81,13 +81,13 @@ def _column(joint, s, c, k):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _turned(r, joint, angle):  # type: ignore[no-untyped-def]
+def turned_by(r, joint, angle):  # type: ignore[no-untyped-def]
     """Returns the rotation of the link behind a joint that has turned by an angle [rad]."""
     s, c = math.sin(angle), math.cos(angle)
     x0, x1, x2 = _column(joint, s, c, 0)
     y0, y1, y2 = _column(joint, s, c, 1)
     z0, z1, z2 = _column(joint, s, c, 2)
-    x, y, z = _times(r, x0, x1, x2), _times(r, y0, y1, y2), _times(r, z0, z1, z2)
+    x, y, z = rotated(r, x0, x1, x2), rotated(r, y0, y1, y2), rotated(r, z0, z1, z2)
     return x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]
 
 
@@ -127,11 +127,11 @@ def felt_at(joints, points, motion, felt, moved):  # type: ignore[no-untyped-def
         at = factor * motion[PLACE, column] + joint[OFFSET]
         v, a = factor * motion[VELOCITY, column], factor * motion[RATE, column]
         slid = at * joint[SLIDES]
-        axis = _times(r, joint[ALONG], joint[ALONG + 1], joint[ALONG + 2])
-        step = _times(r, joint[STEP], joint[STEP + 1], joint[STEP + 2])
+        axis = rotated(r, joint[ALONG], joint[ALONG + 1], joint[ALONG + 2])
+        step = rotated(r, joint[STEP], joint[STEP + 1], joint[STEP + 2])
         step = (step[0] + slid * axis[0], step[1] + slid * axis[1], step[2] + slid * axis[2])
         force = _carried(force, spin, change, step)
-        across = _cross(spin, axis)
+        across = cross(spin, axis)
         if joint[SLIDES] != 0.0:
             force = (
                 force[0] + 2.0 * v * across[0] + a * axis[0],
@@ -145,10 +145,10 @@ def felt_at(joints, points, motion, felt, moved):  # type: ignore[no-untyped-def
                 change[2] + v * across[2] + a * axis[2],
             )
             spin = (spin[0] + v * axis[0], spin[1] + v * axis[1], spin[2] + v * axis[2])
-        r = _turned(r, joint, at)
+        r = turned_by(r, joint, at)
     for k in range(3):
         moved[k] = force[k]
     for number in range(points.shape[0]):
         point = points[number]
-        there = _times(r, point[0], point[1], point[2])
+        there = rotated(r, point[0], point[1], point[2])
         _felt(r, _carried(force, spin, change, there), point, felt[number])

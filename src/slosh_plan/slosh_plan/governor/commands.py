@@ -28,6 +28,7 @@ class StopReason(IntEnum):
     INVALID = 2
     LATE = 3
     REQUESTED = 4
+    JOINTS = 5
 
 
 class Command(NamedTuple):
@@ -118,8 +119,13 @@ class Governed(NamedTuple):
         worst: name of the container that is nearest to its limits; empty: it is the only one.
         friction, tipping: largest shares of friction and base that a loosely standing container
             uses in the next step and the stop; NaN: none stands loosely.
-        joints: (3, J) their velocities, accelerations and positions; empty: not commanded.
+        joints: (3, J) velocities, accelerations and positions of the robot's joints, that are
+            commanded or carry the container; empty: not known.
         wanted: (2, D) velocities and targets of the last command; NaN: not given.
+        refused_by: joint that carries the container and its limit, as "elbow: velocity", for which
+            no more of the command is followed; empty: none.
+        joint_start: (J,) measured positions of the carrying joints, from which they go on with
+            this step; empty: from where they were.
     """
 
     stamp_ns: int
@@ -143,3 +149,5 @@ class Governed(NamedTuple):
     tipping: float = float("nan")
     joints: tuple[tuple[float, ...], ...] = ()
     wanted: tuple[tuple[float, ...], ...] = ()
+    refused_by: str = ""
+    joint_start: tuple[float, ...] = ()

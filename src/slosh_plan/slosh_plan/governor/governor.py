@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from slosh_model.tray import Tray, TrayContainer
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.governor import cups as containers
 from slosh_plan.governor import kernel, layout
+from slosh_plan.governor.carrier import Carrier
 from slosh_plan.governor.commands import (
     Command,
     Governed,
@@ -57,6 +59,8 @@ class Governor:
         period: time of a step [s].
         timeout: a command holds for so long [s].
         arm: robot whose joints are commanded; None: x, y, z of the upright container are.
+        carrier: robot that carries the upright container, in axes parallel to those of its root,
+            and whose joints keep their limits; None: unknown. Not with `arm`.
 
     Attributes:
         model: the first container's NL twin.
@@ -77,6 +81,7 @@ class Governor:
         period: float = 0.01,
         timeout: float = TUNING.governor_timeout,
         arm: GovernedArm | None = None,
+        carrier: GovernedArm | None = None,
     ) -> None:
         if not PERIODS[0] <= period <= PERIODS[1]:
             raise SloshPlanError(f"period = {period!r} s must lie in 0.001 … 0.05 s")
@@ -86,6 +91,7 @@ class Governor:
         self._seen_cup = not tray.first.empty
         self.model, self.limits = self._cups[0].model, self._cups[0].limits
         self.period, self.timeout, self.arm = period, timeout, arm
+        self._carrier = Carrier(carrier)
         self._factors = (doubt or ModelDoubt()).factors
         self._stores = containers.stores_of(self._cups, self._factors)
         per_row, fastest = containers.spacing_of(self._cups, period)
@@ -126,7 +132,8 @@ class Governor:
         self._origin: Array | None = None
         self._taken_ns = self._last_ns = -(2**62)
         self._steps = self._commands = self._liquid_ns = 0
-        self._reason = StopReason.NONE
+        self._reason, self._lost = StopReason.NONE, False
+        self._joint_start: tuple[float, ...] = ()
         kernel.govern.load()
         kernel.relive.load()
 
@@ -143,6 +150,24 @@ class Governor:
     def stop(self) -> None:
         """Requests a stop that begins at the next step and lasts until `release`."""
         self._reason = StopReason.REQUESTED
+
+    def locate(self, places: Sequence[float]) -> str:
+        """Takes measured positions (J,) of the carrying joints; at rest they go on from there.
+
+        Returns:
+            why they make the next step a stop; empty: they do not.
+        """
+        measured = np.array(places, dtype=np.float64)
+        doubt = self._carrier.doubt(measured, rests=self.rests)
+        self._lost = bool(doubt)
+        if self.rests and not doubt and self._carrier.differs(measured):
+            self._carrier.start_at(measured, self.place)
+            self._joint_start = tuple(measured.tolist())
+        return doubt
+
+    def lose(self, *, lost: bool) -> None:
+        """States whether the joints that carry the container are not known: a stop to rest."""
+        self._lost = lost
 
     def release(self) -> bool:
         """Ends a requested stop if the container is at rest; returns whether it did."""
@@ -167,10 +192,16 @@ class Governor:
         place: Array = self._motion[layout.PLACE].copy()
         return place
 
+    @property
+    def joints(self) -> Array:
+        """Present velocities, accelerations, positions (3, J) of the robot's joints; J = 0: none."""
+        return self._carrier.joints if self.arm is None else self._motion
+
     def idle(self, now_ns: int) -> Governed:
         """Returns the answer before the first command: at rest, without a step."""
         self._told[:] = 0.0
         told = self._governed(now_ns, share=0.0, safe=True)
+        self._joint_start = ()
         return told._replace(state=GovernorState.RESTING)
 
     def step(self, now_ns: int) -> Governed:
@@ -189,11 +220,12 @@ class Governor:
         self._past.append((now_ns, self._stores.copy(), self._chosen.copy()))
         unsafe = kernel.govern(
             self._stores, self._stop, self._motion, self._state, wanted, follow, self._settings,
-            self._bounds, self._table, self._joints, self._points, self._ranks,
-            self._chosen, self._told, self._answer,
+            self._bounds, self._table, self._joints, self._points, *self._carrier.arrays,
+            self._ranks, self._chosen, self._told, self._answer,
         )  # fmt: skip
         share = float(self._answer[layout.SHARE]) if follow else 0.0
         told = self._governed(now_ns, share=share, safe=not unsafe)
+        self._joint_start = ()
         state = GovernorState.RESTING if self.rests else GovernorState.STOPPING
         if follow:
             state = GovernorState.FOLLOWING if share == 1.0 else GovernorState.LIMITED
@@ -206,6 +238,10 @@ class Governor:
         self._last_ns = now_ns
         if self._came:
             self._came, self._taken_ns = False, now_ns
+        known = self._reason is not StopReason.JOINTS or self.rests
+        if self._reason is not StopReason.REQUESTED and (self._lost or not known):
+            self._command, self._reason = None, StopReason.JOINTS
+            return
         reason = StopReason.NONE
         if self._command is not None:
             if not self._possible(self._command):
@@ -218,7 +254,7 @@ class Governor:
             self._command = None
             if self._reason is StopReason.NONE:
                 self._reason = reason
-        elif self.rests and self._command is not None and self._reason < StopReason.REQUESTED:
+        elif self.rests and self._command is not None and self._reason != StopReason.REQUESTED:
             self._reason = StopReason.NONE
 
     def _possible(self, command: Command) -> bool:
@@ -311,7 +347,7 @@ class Governor:
         velocity, acceleration, position = self._moved()
         unknown = (math.nan,) * self._motion.shape[1]
         wanted = self._latest.velocity or unknown, self._latest.target or unknown
-        joints = () if self.arm is None else tuple(map(tuple, self._motion.tolist()))
+        joints = tuple(map(tuple, self.joints.tolist())) if self.joints.size else ()
         return Governed(
             now_ns, velocity, acceleration, position, share, GovernorState.STOPPING, self._reason,
             safe, peak, peak - nominal,
@@ -319,6 +355,8 @@ class Governor:
             (now_ns - sent) / SECOND if sent > 0 else math.nan,
             self._steps, self._commands, self._liquid_ns,
             self._cups[worst].name, friction, tipping, joints, wanted,
+            self._carrier.refused_by if share < 1.0 and self._command is not None else "",
+            self._joint_start,
         )  # fmt: skip
 
     def _moved(self) -> tuple[tuple[float, ...], ...]:

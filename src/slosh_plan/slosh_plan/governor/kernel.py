@@ -28,6 +28,7 @@ from slosh_base.compiled.compilation import (
 from slosh_model.kernel import UPRIGHT, advance
 from slosh_model.layout import records
 from slosh_plan.governor.chain import felt_at
+from slosh_plan.governor.inverse import carry_on, joints_keep
 from slosh_plan.governor.layout import (
     BOUND,
     CANDIDATES,
@@ -45,6 +46,7 @@ from slosh_plan.governor.layout import (
     PERIOD,
     PLAN,
     POINT,
+    REFUSED_LIMIT,
     REST,
     SHARE,
     SIZE,
@@ -114,14 +116,15 @@ def _prepared(one, plan, begun, moves, rows):  # type: ignore[no-untyped-def]
         one: the candidate.
         plan: (PLAN,) of it.
         begun: the motion at this moment, the governor's state and stop, settings, limits, robot,
-            the next accelerations by command and by stop, and the stop's row that is row 2.
+            the next accelerations by command and by stop, the stop's row that is row 2, and
+            the carrier of `inverse.joints_keep`.
         moves: see `_best_of_all`; the candidate's part is written.
         rows: (R, D) receives its accelerations.
 
     Returns:
         0: it exceeds a limit of the motion; JUDGED: it is to be simulated; KNOWN.
     """
-    motion, state, stop, settings, limits, robot, wanted, held, first = begun
+    motion, state, stop, settings, limits, robot, wanted, held, first, _ = begun
     _, driven, ends, intervals, times = moves
     size = times.shape[0]
     end = candidate(motion, state, stop, settings, plan, wanted, held, first, times, rows)
@@ -149,6 +152,15 @@ def _to_front(row, value):  # type: ignore[no-untyped-def]
     for k in range(place, 0, -1):
         row[k] = row[k - 1]
     row[0] = value
+
+
+@compiled
+def _carried(one, plan, begun, moves, rows):  # type: ignore[no-untyped-def]
+    """Whether the joints that carry the container keep their limits in a candidate.
+
+    They do in what is left of the held stop.
+    """
+    return _is_held(plan) or joints_keep(begun[0], rows, moves[2][one], moves[3], begun[9])
 
 
 @compiled_apart
@@ -217,7 +229,7 @@ def _best_part(plans, begun, moves, rows, cups, ranks, told):  # type: ignore[no
         found = math.inf
         if _prepared(one, plans[one], begun, moves, rows[one]) == JUDGED:
             found = _verified(one, moves, cups, settings, ranks, False, trial)
-        if found <= 1.0:
+        if found <= 1.0 and _carried(one, plans[one], begun, moves, rows[one]):
             best, use, below = one, found, one
             told[:] = trial
         else:
@@ -230,22 +242,25 @@ def _best_part(plans, begun, moves, rows, cups, ranks, told):  # type: ignore[no
 
 
 @compiled
-def _best_of_all(moves, kept, cups, settings, bound, ranks, follow, last, told):  # type: ignore[no-untyped-def]
+def _best_of_all(plans, begun, moves, rows, kept, cups, ranks, follow, last, told):  # type: ignore[no-untyped-def]
     """Returns the best candidate, and the share of all limits that it uses.
 
     Few models tell which are surely unsafe; the best of the others are verified by all models.
 
     Args:
+        plans: (CANDIDATES, PLAN).
+        begun: see `_prepared`.
         moves: all models, what drives containers in each candidate, its rows until it is at rest,
             and the intervals and times of rows.
-        kept: (CANDIDATES,) what `_prepared` returns.
-        cups, settings: see `govern`.
-        bound: share that the held stop uses, if it is known.
+        rows: (CANDIDATES, R, D) accelerations.
+        kept: (CANDIDATES,) what `_prepared` returns; changed.
+        cups: see `govern`.
         ranks: (C, RANKS); changed.
         follow: whether the command counts.
         last: whether no other candidates follow: then something is told in any case.
         told: (C, USES) receives what the best one uses.
     """
+    settings, bound = begun[3], begun[1][BOUND]
     shares, rests = np.empty(CANDIDATES), moves[4][moves[2] - 1]
     _screened(moves, kept, cups, settings, bound, ranks, shares)
     best = _best(shares, kept, rests, settings, follow)
@@ -254,12 +269,19 @@ def _best_of_all(moves, kept, cups, settings, bound, ranks, follow, last, told):
             break
         shares[best] = _verified(best, moves, cups, settings, ranks, False, told)
         if shares[best] <= 1.0:
-            return best, shares[best]
+            if _carried(best, plans[best], begun, moves, rows[best]):
+                return best, shares[best]
+            kept[best] = 0
         best = _best(shares, kept, rests, settings, follow)
     for one in range(CANDIDATES):
         if kept[one] == JUDGED:
             shares[one] = max(shares[one], BEYOND)
     best = _best(shares, kept, rests, settings, follow)
+    while last and kept[best] == JUDGED:
+        if _carried(best, plans[best], begun, moves, rows[best]):
+            break
+        kept[best] = 0
+        best = _best(shares, kept, rests, settings, follow)
     told[:] = math.nan
     if last and kept[best] == JUDGED:
         shares[best] = _verified(best, moves, cups, settings, ranks, True, told)
@@ -269,12 +291,13 @@ def _best_of_all(moves, kept, cups, settings, bound, ranks, follow, last, told):
 @entry_point(
     int64(
         CHANGED_2, CHANGED_2, CHANGED_2, CHANGED_1, GIVEN_1, boolean, GIVEN_1, GIVEN_2, GIVEN_2,
-        GIVEN_2, GIVEN_2, int64[:, ::1], CHANGED_2, CHANGED_2, CHANGED_1,
+        GIVEN_2, GIVEN_2, GIVEN_2, GIVEN_2, GIVEN_1, CHANGED_2, CHANGED_1, int64[:, ::1],
+        CHANGED_2, CHANGED_2, CHANGED_1,
     )
 )  # fmt: skip
 def govern(  # type: ignore[no-untyped-def]
     stores, stop, motion, state, command, follow, settings, limits, cups, joints, points,
-    ranks, chosen, told, answer,
+    links, ranges, goal, carrying, refused, ranks, chosen, told, answer,
 ):  # fmt: skip
     """Computes one step of the governor, of duration PERIOD.
 
@@ -289,6 +312,8 @@ def govern(  # type: ignore[no-untyped-def]
         limits: (5, D) of each coordinate.
         cups: (C, CUP).
         joints, points: see `chain.felt_at`; no joints: the coordinates are x, y, z.
+        links, ranges, goal, carrying, refused: joints that carry a container that is governed by
+            x, y, z; see `inverse.joints_keep`; the last two are changed.
         ranks: (C, RANKS); changed.
         chosen: (P, 3) receives the acceleration of the next moment at each point [m/s²].
         told: (C, USES) receives what the answer uses of each container's limits; NaN: not looked
@@ -312,8 +337,10 @@ def govern(  # type: ignore[no-untyped-def]
     driven = np.zeros((CANDIDATES, points.shape[0], size, 3))
     ends, kept = np.ones(CANDIDATES, dtype=np.int64), np.zeros(CANDIDATES, dtype=np.int64)
     moves = (stores, driven, ends, intervals, times)
-    begun = (motion, state, stop, settings, limits, robot, wanted, held, first)
+    carrier = (links, ranges, goal, carrying, refused)
+    begun = (motion, state, stop, settings, limits, robot, wanted, held, first, carrier)
     state[TURN] += 1.0
+    refused[REFUSED_LIMIT] = 0.0
     best, use, answer[TRIED] = 0, math.inf, 0.0
     block = WHOLE if follow else OTHERS
     while block <= OTHERS and not use <= 1.0:
@@ -324,7 +351,7 @@ def govern(  # type: ignore[no-untyped-def]
             for one in range(CANDIDATES):
                 kept[one] = _prepared(one, plans[one], begun, moves, rows[one])
             best, use = _best_of_all(
-                moves, kept, cups, settings, state[BOUND], ranks, follow, block == OTHERS, told
+                plans, begun, moves, rows, kept, cups, ranks, follow, block == OTHERS, told
             )
         answer[TRIED] += 1.0
         block += 1
@@ -335,6 +362,7 @@ def govern(  # type: ignore[no-untyped-def]
     for point in range(points.shape[0]):
         chosen[point] = driven[best, point, 1]
     take(motion, state, stop, settings, rows[best], ends[best])
+    carry_on(motion, settings[PERIOD], carrier)
     answer[REST] = trimmed(motion, state, stop, settings)
     for number in range(stores.shape[0]):
         cup = cups[number // MODELS]

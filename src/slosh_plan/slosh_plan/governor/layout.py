@@ -68,6 +68,12 @@ ANSWER = 3
 LOWER, UPPER, FASTEST, HARDEST, SHARPEST = range(5)
 """Rows of the (5, D) limits of each coordinate: positions, velocity, acceleration, jerk."""
 
+ORIGIN = 9
+"""Of the pose that a robot keeps: its rotation by rows, and from here its origin [m]."""
+REFUSED_JOINT, REFUSED_LIMIT, REFUSED = range(3)
+"""The first joint that did not keep a limit in a step, and which of `inverse.BY_POSITION` …; 0:
+all did."""
+
 SLIDES, COLUMN, TIMES, OFFSET, ALONG, STEP, FIXED, COSINE, SINE = 0, 1, 2, 3, 4, 7, 10, 19, 28
 """A joint: 1 where it slides, 0 where it turns; its coordinate; factor and offset of its position;
 its axis and the way to it in the axes of the joint before it [m]; parts of its rotation there, by

@@ -95,7 +95,7 @@ def wanted_of_joints(motion, command, limits, settings, held, robot, found):  # 
 
 
 @compiled
-def _move(motion, following, interval):  # type: ignore[no-untyped-def]
+def move(motion, following, interval):  # type: ignore[no-untyped-def]
     """Moves the coordinates on by an interval, in which accelerations change linearly."""
     for k in range(following.shape[0]):
         a, b = motion[RATE, k], following[k]
@@ -127,7 +127,7 @@ def drive(motion, rows, end, intervals, robot, settings, must, driven):  # type:
     kept = True
     for row in range(end + 1):
         if row > 0:
-            _move(now, rows[row], intervals[row - 1])
+            move(now, rows[row], intervals[row - 1])
         before[:] = behind
         if chained:
             felt_at(robot[0], robot[1], now, felt, behind)

@@ -24,17 +24,17 @@ _NOWHERE = (math.nan,) * 3
 
 
 def governor_of(
-    held: Model | Tray, parameters: Mapping[str, Any], arm: GovernedArm | None = None
+    held: Model | Tray, parameters: Mapping[str, Any], robot: GovernedArm | None = None
 ) -> Governor:
     """Creates the motion governor from a node's parameters.
 
     Args:
         held: the container's model, or a tray.
         parameters: of the node by name.
-        arm: robot whose joints are commanded; None: the container is.
+        robot: its joints are commanded, or carry the commanded container; None: unknown.
 
     Raises:
-        SloshPlanError: an impossible limit.
+        SloshPlanError: an impossible limit, a robot that holds the container tilted.
     """
     height = float(parameters["limit"]) or float("inf")
     limits = PlanLimits(
@@ -44,10 +44,17 @@ def governor_of(
         tipping=float(parameters.get("tipping", 1.0)),
     )  # fmt: skip
     doubt = ModelDoubt(float(parameters["frequency_error"]), float(parameters["damping_factor"]))
+    joints = commands_joints(parameters)
     return Governor(
         held, limits, doubt=doubt, period=1.0 / float(parameters["rate"]),
-        timeout=float(parameters["timeout"]), arm=arm,
+        timeout=float(parameters["timeout"]), arm=robot if joints else None,
+        carrier=None if joints else robot,
     )  # fmt: skip
+
+
+def commands_joints(parameters: Mapping[str, Any]) -> bool:
+    """Whether a governor's parameters say that its commands are of joints."""
+    return str(parameters.get("command", "")).startswith("joint")
 
 
 def velocity_command(
@@ -66,7 +73,7 @@ def velocity_command(
 def arm_of(
     robot: CarryingRobot | None, start: Sequence[float], parameters: Mapping[str, Any]
 ) -> GovernedArm | None:
-    """Creates the robot that a node governs; None: its joints are not commanded.
+    """Creates the robot that a node governs; None: it has no description of one.
 
     Args:
         robot: the description, with the user's limits.

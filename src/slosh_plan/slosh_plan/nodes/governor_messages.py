@@ -39,14 +39,14 @@ def governed_message(moved: Governed, frame: str, joints: Sequence[str] = ()) ->
     Args:
         moved: the step.
         frame: name of the world's frame.
-        joints: names of the commanded joints.
+        joints: names of the joints that are commanded or carry the container.
     """
     of_joints: dict[str, Any] = {}
     if moved.joints:
         rate, change, place = moved.joints
         of_joints = {
             "joint_names": list(joints), "joint_position": place, "joint_velocity": rate,
-            "joint_acceleration": change,
+            "joint_acceleration": change, "joint_start": moved.joint_start,
         }  # fmt: skip
     return filled(
         GovernedMotion,
@@ -68,6 +68,7 @@ def governed_message(moved: Governed, frame: str, joints: Sequence[str] = ()) ->
         commands_taken=moved.commands,
         liquid_stamp_ns=moved.liquid_ns,
         worst_container=moved.worst,
+        refused_by=moved.refused_by,
         friction_use=moved.friction,
         tipping_use=moved.tipping,
         target_velocity=moved.wanted[0],

@@ -72,7 +72,8 @@ class GovernorNode(PreparedNode):
         self._tray = read_tray(values["model"])
         self._robot = robot_of(values)
         self._names = self._robot.arm.carrying if self._robot else ()
-        self._joints = JointPlaces(self._names)
+        self._joints = JointPlaces(self._names, self._now)
+        self._lost, self._refused_at = "", list[float]()
         self._settings = SettingsPublisher(
             self, sources_digest(*SOURCES), arithmetic_fingerprint(), values, NAMES
         )
@@ -105,6 +106,7 @@ class GovernorNode(PreparedNode):
         else:
             kind = self._of_joints.message
             self._safe = self.create_publisher(kind, self._of_joints.safe, stream)
+        if self._robot is not None:
             self._joint_stops = self.create_publisher(
                 JointTrajectory, topics.STOP_JOINT_TRAJECTORY, qos.EVENT
             )
@@ -132,6 +134,7 @@ class GovernorNode(PreparedNode):
             self._refused = ""
         except SloshPlanError as error:
             self._core, self._refused = None, str(error)
+            self._refused_at = [] if self._joints.missing else self._joints.places
         self._settings.publish({**self._container.files, **files_of_robot(self._values)}, stamp_ns)
 
     def _on_command(self, message: Any) -> None:
@@ -157,8 +160,11 @@ class GovernorNode(PreparedNode):
                 )
             )
 
+    def _now(self) -> int:
+        return int(self.get_clock().now().nanoseconds)
+
     def _step(self) -> None:
-        now_ns = int(self.get_clock().now().nanoseconds)
+        now_ns = self._now()
         if self._waits and (self._core is None or self._core.rests):
             self._waits = False
             own = self._container.limit
@@ -170,6 +176,7 @@ class GovernorNode(PreparedNode):
             self._moved = None
             return
         started = time.perf_counter()
+        self._locate(self._core, now_ns)
         begun = self._core.commands > 0
         self._moved = moved = self._core.step(now_ns) if begun else self._core.idle(now_ns)
         self._seconds.append(time.perf_counter() - started)
@@ -184,14 +191,28 @@ class GovernorNode(PreparedNode):
             )
         self._told.publish(governed_message(moved, frame, self._names))
 
+    def _locate(self, core: Governor, now_ns: int) -> None:
+        """Tells the governor where the robot that carries the container is."""
+        if self._robot is None or self._of_joints is not None:
+            return
+        self._lost = self._joints.silence(now_ns, self._values["timeout"])
+        if self._lost:
+            core.lose(lost=True)
+        else:
+            self._lost = core.locate(self._joints.places)
+
     @property
     def _is_elsewhere(self) -> bool:
-        """Whether others have moved the robot while the governor was at rest."""
+        """Whether others have moved commanded joints while the governor was at rest."""
         if self._robot is None or self._joints.missing:
             return False
         core = self._core
-        if core is None or core.arm is None:
+        if core is None:
+            return self._joints.places != self._refused_at
+        if not core.joints.size:
             return True
+        if core.arm is None:
+            return False  # see `_locate`
         apart = np.abs(core.place - self._joints.places).max()
         return bool(core.rests and apart > TUNING.governor_moved)
 
@@ -212,7 +233,7 @@ class GovernorNode(PreparedNode):
         if told and moved and not core.rests:
             moving = [moved, *told]
             self._stops.publish(stop_message(moving, core.period, self._values["world_frame"]))
-            if self._of_joints is not None:
+            if self._robot is not None:
                 self._joint_stops.publish(joint_trajectory(moving, self._names, core.period))
             gone = math.dist(told[-1].position, moved.position)
             highest = max(told, key=lambda one: one.peak / one.limit)
@@ -233,16 +254,20 @@ class GovernorNode(PreparedNode):
         if self._refused:
             return ERROR, self._refused
         if self._joints.missing:
-            return WARN, f"no joint states of {', '.join(self._joints.missing)} yet"
+            return WARN, self._joints.waiting
         moved = self._moved
         if moved is None or not moved.steps:
-            return OK, "no command yet"
+            return (WARN, self._lost) if self._lost else (OK, "no command yet")
         if not moved.safe:
             return ERROR, (
                 f"no stop keeps the limits: the best found reaches {1e3 * moved.peak:.3g} of "
                 f"{1e3 * moved.limit:.3g} mm {moved.worst}".rstrip()
             )
         doing = moved.state.name.lower()
+        if self._lost:
+            return WARN, f"{doing}: {self._lost}"
+        if moved.refused_by:
+            doing += f", {moved.refused_by}"
         if moved.state is GovernorState.STOPPING or moved.reason:
             return WARN, f"{doing}: {moved.reason.name.lower()}"
         return OK, doing

@@ -48,7 +48,11 @@ PARAMETERS = (
         "command", "twist", "kind of the commands", choices=tuple(topics.COMMANDING)
     ),
     ParameterSpec("world_frame", "world", "frame of the commands, on all output"),
-    ParameterSpec("urdf", "", "URDF file of the robot, for commands of joints"),
+    ParameterSpec(
+        "urdf", "",
+        "URDF file of the robot, for commands of joints, or so that its joints keep their limits "
+        "with other commands, too; its root has the axes of world_frame",
+    ),
     ParameterSpec("tool_frame", "", "link of the robot that is the container or tray"),
     JOINT_LIMITS,
     ParameterSpec(

@@ -128,7 +128,7 @@ JOINT_TOPICS: Mapping[str, JointTopics] = {
 
 
 def robot_of(parameters: Mapping[str, Any]) -> CarryingRobot | None:
-    """Reads the robot whose joints are commanded; None if the container is commanded instead.
+    """Reads the robot whose joints are commanded or carry the container; None without `urdf`.
 
     Args:
         parameters: of the governor by name.
@@ -137,16 +137,14 @@ def robot_of(parameters: Mapping[str, Any]) -> CarryingRobot | None:
         SloshEstimatorError, SloshPlanError, SloshFileError: a file is missing or unusable.
     """
     kind = parameters["command"]
-    if kind not in JOINT_TOPICS:
-        return None
-    if not parameters["urdf"]:
+    if kind in JOINT_TOPICS and not parameters["urdf"]:
         raise SloshPlanError(f"command = {kind} needs the robot's description: the parameter urdf")
     return read_robot(parameters["urdf"], parameters["tool_frame"], parameters["joint_limits"])
 
 
 def files_of_robot(parameters: Mapping[str, Any]) -> dict[str, str]:
     """Returns the texts of the robot's files by parameter, which a replay needs."""
-    if parameters["command"] not in JOINT_TOPICS:
+    if not parameters["urdf"]:
         return {}
     found = {"urdf": read_urdf(parameters["urdf"])}
     if parameters["joint_limits"]:
@@ -159,19 +157,46 @@ class JointPlaces:
 
     Args:
         joints: names in the governor's order.
+        now: tells the time [ns].
     """
 
-    def __init__(self, joints: Sequence[str]) -> None:
-        self._joints = tuple(joints)
+    def __init__(self, joints: Sequence[str], now: Callable[[], int]) -> None:
+        self._joints, self._now = tuple(joints), now
         self._known: dict[str, float] = {}
+        self._heard_ns: dict[str, int] = {}
+        self._unusable: dict[str, float] = {}
 
     def hear(self, message: JointState) -> None:
         """Stores the positions of a joint state; ignores one without a position for each name."""
         if len(message.position) != len(message.name):
             return
         for name, value in zip(message.name, message.position, strict=True):
-            if name in self._joints and abs(value) < float("inf"):
-                self._known[name] = float(value)
+            if name not in self._joints:
+                continue
+            if abs(value) < float("inf"):
+                self._known[name], self._heard_ns[name] = float(value), self._now()
+                self._unusable.pop(name, None)
+            else:
+                self._unusable[name] = float(value)
+
+    def silence(self, now_ns: int, timeout: float) -> str:
+        """Returns a line on joints that are not heard of for longer [s]; empty: all are."""
+        for name in self._joints:
+            seconds = (now_ns - self._heard_ns.get(name, now_ns)) / SECOND
+            if seconds > timeout:
+                return f"no joint states of {name!r} for {seconds:.2f} s{self._bad(name)}"
+        return ""
+
+    @property
+    def waiting(self) -> str:
+        """A line on joints that were never heard of; empty: all were."""
+        if not self.missing:
+            return ""
+        bad = "".join(self._bad(name) for name in self.missing)
+        return f"no joint states of {', '.join(self.missing)} yet{bad}"
+
+    def _bad(self, name: str) -> str:
+        return f"; {name!r} is {self._unusable[name]}" if name in self._unusable else ""
 
     @property
     def missing(self) -> list[str]:

@@ -134,7 +134,7 @@ class NodeTopic(NamedTuple):
     fields: tuple[str, ...] = ()
     can_lack: tuple[str, ...] = ()
     known: Callable[[Messages], Messages] | None = None
-    later: Mapping[str, int] = MappingProxyType({})
+    later: Mapping[str, float] = MappingProxyType({})
 
 
 def recorded_name(name: str) -> str:

@@ -377,8 +377,9 @@ def _columns(
     found = dict(read.columns(block, [name for name in names if name not in later]))
     for name, value in later.items():
         found[name] = np.full(len(block), value)
+        whole = name.partition("[")[0]
         lacking.add(
-            f"{block.topic}: its messages are of an older version without {name}, taken as {value}"
+            f"{block.topic}: its messages are of an older version without {whole}, taken as {value}"
         )
     return found
 

@@ -54,7 +54,7 @@ function showCalm(calm) {
   put("calm-words", known ? [WHY[calm.reason], `calm: up to ${millimetres(calm.tolerance)} mm`].filter(Boolean).join("; ") : "");
 }
 
-const STOPS = ["", "no command", "unusable command", "late clock", "stop requested"];
+const STOPS = ["", "no command", "unusable command", "late clock", "stop requested", "joint states"];
 
 function showGovernor(governor) {
   const known = governor.share !== undefined;

@@ -1,0 +1,121 @@
+"""The robot that carries a container whose origin is governed, for the governor's compiled code."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from slosh_base.types import Array
+from slosh_plan.errors import SloshPlanError
+from slosh_plan.governor import inverse, layout
+from slosh_plan.governor.robot_arm import NO_JOINTS, GovernedArm
+from slosh_plan.tuning import TUNING
+
+NAMED = {
+    inverse.BY_POSITION: "position", inverse.BY_VELOCITY: "velocity",
+    inverse.BY_ACCELERATION: "acceleration", inverse.BY_JERK: "jerk",
+    inverse.BY_REACH: "reach or singularity",
+}  # fmt: skip
+ROUNDING = 1e-6
+"""By which computed positions may differ from those that were given [rad or m]."""
+
+
+class Carrier:
+    """Joints that carry the container along, and what they refused.
+
+    Args:
+        arm: the robot, at the start; None: its joints are not known.
+
+    Attributes:
+        arm: as given.
+        joints: (3, J) present velocities, accelerations and positions [rad or m, per second, …].
+        arrays: links, limits, pose to keep, `joints`, and the refusal, of `inverse.joints_keep`.
+
+    Raises:
+        SloshPlanError: the container is tilted at the start.
+    """
+
+    def __init__(self, arm: GovernedArm | None) -> None:
+        self.arm = arm
+        size = 0 if arm is None else len(arm.start)
+        self._links = NO_JOINTS if arm is None else arm.chain
+        self._ranges, self._goal = np.zeros((5, size)), np.zeros(layout.ORIGIN + 3)
+        self.joints, self._refused = np.zeros((3, size)), np.zeros(layout.REFUSED)
+        self.arrays = (self._links, self._ranges, self._goal, self.joints, self._refused)
+        if arm is not None:
+            doubt = self._doubt_at_rest(arm.start)
+            if doubt:
+                raise SloshPlanError(doubt)
+            self.start_at(arm.start, np.zeros(3))
+
+    def start_at(self, places: Array, origin: Array) -> None:
+        """Lets the joints go on from measured positions, and keeps the container's pose there.
+
+        Args:
+            places: (J,) [rad or m]; without a `doubt`.
+            origin: (3,) of the container by its governor [m].
+        """
+        assert self.arm is not None
+        self._ranges[:] = _ranges(self.arm.at(places))
+        self.joints[:] = 0.0
+        self.joints[layout.PLACE] = places
+        inverse.pose(self._links, self.joints[layout.PLACE], self._goal)
+        self._goal[layout.ORIGIN :] -= origin
+
+    def differs(self, places: Array) -> bool:
+        """Whether measured positions are others than those that were computed."""
+        apart = np.abs(places - self.joints[layout.PLACE])
+        return bool(apart.max() > TUNING.governor_measured)
+
+    def doubt(self, places: Array, *, rests: bool) -> str:
+        """Returns why measured joint positions are not those of a safe motion; empty: they are.
+
+        Args:
+            places: (J,) [rad or m].
+            rests: whether the container is at rest: then it may have been moved.
+        """
+        assert self.arm is not None
+        if rests:
+            return self._doubt_at_rest(places)
+        apart = np.abs(places - self.joints[layout.PLACE])
+        joint = int(apart.argmax())
+        if apart[joint] <= TUNING.governor_strayed:
+            return ""
+        return (
+            f"joint {self.arm.limits.names[joint]!r} is at {places[joint]:.4g}, but was to be at "
+            f"{self.joints[layout.PLACE, joint]:.4g}"
+        )
+
+    def _doubt_at_rest(self, places: Array) -> str:
+        assert self.arm is not None
+        try:
+            self.arm.at(places)
+        except SloshPlanError as error:
+            return str(error)
+        pose = np.zeros(layout.ORIGIN + 3)
+        inverse.pose(self._links, np.array(places, dtype=np.float64), pose)
+        tilt = math.acos(min(float(pose[layout.ORIGIN - 1]), 1.0))
+        return (
+            f"the robot holds the container tilted by {math.degrees(tilt):.1f}°: commands of "
+            "velocities and poses need it upright; turn it, or command the joints"
+        ) * (tilt > TUNING.governor_upright)
+
+    @property
+    def refused_by(self) -> str:
+        """Joint and limit for which more of the command was refused in a step; empty: none."""
+        limit = int(self._refused[layout.REFUSED_LIMIT])
+        if self.arm is None or not limit:
+            return ""
+        joint = int(self._refused[layout.REFUSED_JOINT])
+        return f"{self.arm.limits.names[joint]}: {NAMED[limit]}"
+
+
+def _ranges(arm: GovernedArm) -> Array:
+    """Returns the limits (5, J) of the joints, lowered for what lies between two samples."""
+    found, room = arm.bounds, TUNING.governor_carried_place
+    found[layout.LOWER] = np.minimum(found[layout.LOWER] + room, arm.start - ROUNDING)
+    found[layout.UPPER] = np.maximum(found[layout.UPPER] - room, arm.start + ROUNDING)
+    found[layout.FASTEST] *= 1.0 - TUNING.governor_carried
+    found[layout.HARDEST :] *= 1.0 - TUNING.governor_carried_change
+    return found
