@@ -1,15 +1,20 @@
 """Tests that a replay reproduces the governor's steps from commands and fused estimates."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from slosh_bringup.replay.replayed_governor import governor_row
 from slosh_estimator.observer.observer import Observer
 from slosh_estimator.observer.states import fused_fields
+from slosh_estimator.robot import available
 from slosh_model import format_model
-from slosh_plan.governor import SeenLiquid
-from slosh_plan.governor.parameters import governor_of, velocity_command
+from slosh_plan.governor import SeenLiquid, StopReason
+from slosh_plan.governor.parameters import arm_of, governor_of, velocity_command
+from slosh_plan.joints import Arm
 from slosh_plan.nodes.governor_parameters import PARAMETERS
+from slosh_plan.robot_file import CarryingRobot
 from slosh_replay import replay_bag
 from slosh_replay.manifest import Expectation
 from slosh_replay.replay.checking import check_result
@@ -18,6 +23,8 @@ from slosh_testing.live_bag import MODEL, START, TYPES, LiveBag
 
 TWIST, GOVERNED, FUSED = "desired_twist", "governed_motion", "fused_estimate"
 VALUES = {one.name: one.default for one in PARAMETERS} | {"limit": 0.012}
+ROBOT = VALUES | {"tool_frame": "cup"}
+CARRYING = (0.1, 0.5, -1.1, 0.0)
 EVERY, AHEAD = 5, 40_000_000
 """Inputs of 500 a second to a step; by how much the commands' clock is ahead [ns]."""
 
@@ -32,8 +39,17 @@ class GovernedBag(LiveBag):
         super().__init__()
         self._wrong, self._cut, self._ahead, self._count = wrong, cut, ahead, 0
         self._observer = Observer(self.model)
-        self._governor = governor_of(self.model, VALUES)
+        self._governor = self._made()
         self.states = True
+
+    def _made(self):
+        return governor_of(self.model, VALUES)
+
+    def _files(self):
+        return {}
+
+    def _locate(self, step, now, log_ns):
+        """Tells the governor where the robot is."""
 
     def entries(self, seconds):
         begin = START + round(1e9 * self._cut)
@@ -44,7 +60,8 @@ class GovernedBag(LiveBag):
         ]
 
     def _start(self, model, stamp, log_ns, **how):
-        self._settings("governor", stamp, {"model": format_model(model)}, log_ns)
+        files = {"model": format_model(model), **self._files()}
+        self._settings("governor", stamp, files, log_ns)
         return super()._start(model, stamp, log_ns, **how)
 
     def _estimate(self, estimator, estimate, gate, log_ns):
@@ -76,7 +93,11 @@ class GovernedBag(LiveBag):
             self._governor.take(velocity_command(sent, (speed, 0.1, 0.0), (0.0, 0.0, 0.0)))
         if step == 200:
             self._governor.stop()
-        moved = self._governor.step(now)
+        self._locate(step, now, log_ns)
+        self._tell(self._governor.step(now), now, log_ns)
+
+    def _tell(self, moved, now, log_ns):
+        rows = np.array(moved.joints).reshape(3, -1)
         sec, nanosec = divmod(moved.liquid_ns, 1_000_000_000)
         self._put(
             GOVERNED, now, log_ns, velocity=np.array(moved.velocity),
@@ -87,16 +108,41 @@ class GovernedBag(LiveBag):
             commands_taken=moved.commands,
             liquid_stamp=self._types["builtin_interfaces/msg/Time"](sec, nanosec),
             worst_container=moved.worst, friction_use=moved.friction, tipping_use=moved.tipping,
+            refused_by=moved.refused_by,
             target_velocity=np.array(moved.wanted[0]), target=np.array(moved.wanted[1]),
-            joint_names=[], joint_position=np.empty(0), joint_velocity=np.empty(0),
-            joint_acceleration=np.empty(0),
+            joint_names=[], joint_position=rows[2], joint_velocity=rows[0],
+            joint_acceleration=rows[1], joint_start=np.array(moved.joint_start, dtype=float),
         )  # fmt: skip
         self._wrong = 0.0
 
 
+class CarriedBag(GovernedBag):
+    """One of a robot whose joints carry the container: it strays once, and moves at rest."""
+
+    def _made(self):
+        link = Arm(self._files()["urdf"], ROBOT["tool_frame"])
+        self.reasons = set()
+        return governor_of(self.model, ROBOT, arm_of(CarryingRobot(link), CARRYING, ROBOT))
+
+    def _files(self):
+        return {"urdf": (Path(__file__).resolve().parents[3] / "examples/robot.urdf").read_text()}
+
+    def _locate(self, step, now, log_ns):
+        if step == 1:
+            self._tell(self._governor.idle(now), now, log_ns)
+        places = self._governor.joints[2] + 0.02 * (self._governor.rests and step % 3 == 0)
+        places[3] = 0.0
+        places[0] += 0.5 * (30 <= step < 34)
+        self._governor.locate(places)
+
+    def _tell(self, moved, now, log_ns):
+        self.reasons.add(moved.reason)
+        super()._tell(moved, now, log_ns)
+
+
 @pytest.fixture(autouse=True)
 def types(monkeypatch):
-    monkeypatch.setitem(live_bag.PARAMETERS, "governor", VALUES)
+    monkeypatch.setitem(live_bag.PARAMETERS, "governor", ROBOT)
     monkeypatch.setitem(TYPES, TWIST, "geometry_msgs/msg/TwistStamped")
     monkeypatch.setitem(TYPES, GOVERNED, "slosh_msgs/msg/GovernedMotion")
     monkeypatch.setitem(TYPES, FUSED, "slosh_msgs/msg/FusedEstimate")
@@ -113,6 +159,16 @@ def test_its_steps_come_out_again_bit_for_bit(tmp_path, ahead):
     assert found.exact, found.lines()
     assert found.recorded == 500
     assert check_result(result, Expectation(tolerance=0.0)).failures == ()
+
+
+@pytest.mark.skipif(not available(), reason="Pinocchio is not installed")
+def test_steps_with_a_robot_come_out_again_bit_for_bit(tmp_path):
+    bag = CarriedBag()
+    _, found = replayed(bag, tmp_path)
+    assert found.exact, found.lines()
+    assert found.recorded == 500
+    assert bag.reasons == {StopReason.NONE, StopReason.SILENT, StopReason.JOINTS,
+                           StopReason.REQUESTED}  # fmt: skip
 
 
 def test_a_difference_is_told(tmp_path):

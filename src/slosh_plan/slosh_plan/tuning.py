@@ -159,6 +159,9 @@ class PlanTuning:
     )
     governor_carried_place: float = number(1e-3, "rad", "the same of its range, at both ends")
     governor_upright: float = number(0.02, "rad", "tilt up to which a container is upright")
+    governor_slowest: float = number(
+        0.03, "m/s", "speed in each direction that joints allow where a container stops"
+    )
     governor_measured: float = number(
         1e-4, "rad", "measured joint that is so far from the computed one moved at rest"
     )

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import rclpy
+from geometry_msgs.msg import TwistStamped
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -123,6 +125,68 @@ def test_it_moves_the_joints_of_a_robot_from_where_they_are(model: Path, command
         # Others move the robot: it goes on from there, and nothing jumps back.
         cell.stand([0.0, -0.3, 0.0, 0.0, 0.0])
         assert cell.moved[-1].steps == 0
+    finally:
+        cell.close()
+
+
+class CarriedCell(Graph):
+    """The governor node of a container that a robot carries, with joint states and commands."""
+
+    def __init__(self, model: Path) -> None:
+        super().__init__(executor=SingleThreadedExecutor())
+        self.governor = self.with_parameters(
+            GovernorNode, model=str(model), limit=0.012, rate=20.0, timeout=1.0, urdf=str(URDF),
+            tool_frame="cup",
+        )  # fmt: skip
+        self.moved = self.listen(GovernedMotion, topics.GOVERNED_MOTION)
+        self.commands = self.publisher(TwistStamped, topics.DESIRED_TWIST)
+        self.states = self.publisher(JointState, topics.JOINT_STATES)
+
+    def follow(self, x: float, until: Callable[[], bool], places: list[float] | None) -> None:
+        """Sends commands until something is so; joint states, too, as the governor has them."""
+        message = TwistStamped()
+        message.twist.linear.x = x
+
+        def so() -> bool:
+            self.commands.publish(message)
+            if places:
+                last = list(self.moved[-1].joint_position) if self.moved else []
+                rail, shoulder, elbow, wrist = last or [*places[1:4], places[0]]
+                self.states.publish(as_state([wrist, rail, shoulder, elbow, 0.0]))
+            return until()
+
+        self.until(so)
+
+
+def test_a_robot_that_carries_the_container_keeps_its_joint_limits(model: Path) -> None:
+    cell, start = CarriedCell(model), [0.0, 0.1, 0.5, -1.1, 0.0]
+    try:
+        cell.states.publish(as_state([math.nan, *start[1:]]))
+        wait = "no joint states of rail, shoulder, elbow, wrist yet"
+        assert cell.governor._health() == (WARN, wait)
+        cell.until(lambda: cell.governor._health()[1].endswith("'wrist' is nan"))
+        cell.states.publish(as_state([0.5, *start[1:]]))
+        cell.until(lambda: "tilted by 28.6°" in cell.governor._health()[1])
+        # As far as the arm reaches, and no further.
+        cell.follow(0.3, lambda: len(cell.moved) > 150, start)
+        moved = cell.moved[-1]
+        assert moved.joint_names == ["rail", "shoulder", "elbow", "wrist"]
+        assert abs(moved.velocity[0]) < 0.05
+        assert moved.refused_by.split(": ")[0] in moved.joint_names
+        assert moved.refused_by in cell.governor._health()[1]
+        assert max(one.velocity[0] for one in cell.moved) > 0.1
+        assert all(one.safe for one in cell.moved)
+        stops = cell.listen(JointTrajectory, topics.STOP_JOINT_TRAJECTORY, qos.EVENT)
+        cell.follow(-0.3, lambda: cell.moved[-1].velocity[0] < -0.15, start)
+        assert cell.call(Trigger, topics.EMERGENCY_STOP, Trigger.Request()).success
+        cell.until(lambda: stops)
+        assert list(stops[0].points[-1].velocities) == [0.0] * 4
+        cell.until(lambda: cell.moved[-1].state == GovernedMotion.RESTING)
+        assert cell.call(Trigger, topics.RELEASE_STOP, Trigger.Request()).success
+        # Without joint states it stops, and says so.
+        cell.follow(-0.1, lambda: cell.moved[-1].reason == GovernedMotion.JOINTS, None)
+        assert "no joint states of 'rail' for" in cell.governor._health()[1]
+        cell.follow(-0.1, lambda: cell.moved[-1].velocity[0] < -0.05, start)
     finally:
         cell.close()
 

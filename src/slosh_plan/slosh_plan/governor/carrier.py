@@ -1,4 +1,4 @@
-"""The robot that carries a container whose origin is governed, for the governor's compiled code."""
+"""The robot that carries a container whose origin is governed, for compiled code."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_plan.errors import SloshPlanError
-from slosh_plan.governor import inverse, layout
+from slosh_plan.governor import carried, inverse, layout
 from slosh_plan.governor.robot_arm import NO_JOINTS, GovernedArm
 from slosh_plan.tuning import TUNING
 
 NAMED = {
-    inverse.BY_POSITION: "position", inverse.BY_VELOCITY: "velocity",
-    inverse.BY_ACCELERATION: "acceleration", inverse.BY_JERK: "jerk",
-    inverse.BY_REACH: "reach or singularity",
+    carried.BY_POSITION: "position", carried.BY_VELOCITY: "velocity",
+    carried.BY_ACCELERATION: "acceleration", carried.BY_JERK: "jerk",
+    carried.BY_REACH: "reach or singularity",
 }  # fmt: skip
 ROUNDING = 1e-6
 """By which computed positions may differ from those that were given [rad or m]."""
@@ -30,7 +30,7 @@ class Carrier:
     Attributes:
         arm: as given.
         joints: (3, J) present velocities, accelerations and positions [rad or m, per second, …].
-        arrays: links, limits, pose to keep, `joints`, and the refusal, of `inverse.joints_keep`.
+        arrays: links, limits, pose to keep, `joints`, and the refusal, of `carried.joints_keep`.
 
     Raises:
         SloshPlanError: the container is tilted at the start.
@@ -101,11 +101,14 @@ class Carrier:
             "velocities and poses need it upright; turn it, or command the joints"
         ) * (tilt > TUNING.governor_upright)
 
-    @property
-    def refused_by(self) -> str:
-        """Joint and limit for which more of the command was refused in a step; empty: none."""
+    def refused_by(self, share: float) -> str:
+        """Returns joint and limit for which no more of a command was followed; empty: none.
+
+        Args:
+            share: of the command that was followed in the step.
+        """
         limit = int(self._refused[layout.REFUSED_LIMIT])
-        if self.arm is None or not limit:
+        if self.arm is None or not limit or (share == 1.0 and not self._refused[layout.EASED]):
             return ""
         joint = int(self._refused[layout.REFUSED_JOINT])
         return f"{self.arm.limits.names[joint]}: {NAMED[limit]}"

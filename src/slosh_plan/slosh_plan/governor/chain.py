@@ -43,6 +43,7 @@ def rotated(r, x, y, z):  # type: ignore[no-untyped-def]
 
 @compiled
 def cross(a, b):  # type: ignore[no-untyped-def]
+    """Returns the cross product of two vectors."""
     return (
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],

@@ -194,7 +194,7 @@ class Governor:
 
     @property
     def joints(self) -> Array:
-        """Present velocities, accelerations, positions (3, J) of the robot's joints; J = 0: none."""
+        """Present velocities, accelerations, positions (3, J) of the robot; J = 0: unknown."""
         return self._carrier.joints if self.arm is None else self._motion
 
     def idle(self, now_ns: int) -> Governed:
@@ -347,6 +347,7 @@ class Governor:
         velocity, acceleration, position = self._moved()
         unknown = (math.nan,) * self._motion.shape[1]
         wanted = self._latest.velocity or unknown, self._latest.target or unknown
+        follows = self._reason is StopReason.NONE and self._command is not None
         joints = tuple(map(tuple, self.joints.tolist())) if self.joints.size else ()
         return Governed(
             now_ns, velocity, acceleration, position, share, GovernorState.STOPPING, self._reason,
@@ -355,7 +356,7 @@ class Governor:
             (now_ns - sent) / SECOND if sent > 0 else math.nan,
             self._steps, self._commands, self._liquid_ns,
             self._cups[worst].name, friction, tipping, joints, wanted,
-            self._carrier.refused_by if share < 1.0 and self._command is not None else "",
+            self._carrier.refused_by(share) if follows else "",
             self._joint_start,
         )  # fmt: skip
 

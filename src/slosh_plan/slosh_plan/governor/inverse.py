@@ -1,10 +1,9 @@
 """Compiled inverse kinematics: the joints of a robot that carries the container along.
 
 The container's origin moves as it is governed; its orientation stays. Joint velocities are the
-smallest that do so, q' = Jᵀ w with J Jᵀ w = x' (Nakamura, Advanced Robotics, 1991, ch. 4), slightly
-damped; accelerations are their derivatives, and positions are corrected by one step of Newton's
-method at each sample. A motion is refused where a joint exceeds a limit, or where the joints do not
-reach it: near singular positions and beyond the robot's reach.
+smallest that do so, q' = Jᵀ w with J Jᵀ w = x' (Nakamura, Advanced Robotics, 1991, ch. 4),
+slightly damped; accelerations are their derivatives, and positions are corrected by one step of
+Newton's method at each sample. The limits of the joints are kept by `governor.carried`.
 """
 
 from __future__ import annotations
@@ -26,27 +25,17 @@ from slosh_plan.governor.chain import cross, rotated, turned_by
 from slosh_plan.governor.layout import (
     ALONG,
     COLUMN,
-    FASTEST,
-    HARDEST,
-    LOWER,
     OFFSET,
     ORIGIN,
     PLACE,
     RATE,
-    REFUSED_JOINT,
-    REFUSED_LIMIT,
-    SHARPEST,
     SLIDES,
     STEP,
     TIMES,
-    UPPER,
     VELOCITY,
 )
-from slosh_plan.governor.moving import move
 from slosh_plan.tuning import TUNING
 
-BY_POSITION, BY_VELOCITY, BY_ACCELERATION, BY_JERK, BY_REACH = range(1, 6)
-"""Limits by which a motion is refused."""
 DAMPING = TUNING.governor_damping**2
 STRAY = TUNING.governor_stray
 LEFT = TUNING.governor_unreached
@@ -252,85 +241,31 @@ def carry(chain, goal, motion, interval, joints, space):  # type: ignore[no-unty
     return reached
 
 
-@compiled
-def _peak(value, slope, following, interval):  # type: ignore[no-untyped-def]
-    """Returns the extreme of a value whose slope changes linearly; the value where it has none."""
-    if slope * following < 0.0:
-        return value + 0.5 * interval * slope * slope / (slope - following)
-    return value
-
-
 @compiled_apart
-def _exceeded(before, joints, k, interval, limits):  # type: ignore[no-untyped-def]
-    """Returns which limit a joint exceeds in an interval; 0: none."""
-    x, v, a = before[PLACE, k], before[VELOCITY, k], before[RATE, k]
-    place, velocity, rate = joints[PLACE, k], joints[VELOCITY, k], joints[RATE, k]
-    extreme = _peak(x, v, velocity, interval)
-    if not (
-        limits[LOWER, k] <= min(place, extreme) and max(place, extreme) <= limits[UPPER, k]
-    ):
-        return BY_POSITION
-    fastest = max(abs(velocity), abs(_peak(v, a, rate, interval)))
-    if not fastest <= limits[FASTEST, k]:
-        return BY_VELOCITY
-    if not abs(rate) <= limits[HARDEST, k]:
-        return BY_ACCELERATION
-    return 0 if abs(rate - a) <= limits[SHARPEST, k] * interval else BY_JERK
+def effort(chain, places, fastest, space):  # type: ignore[no-untyped-def]
+    """Returns the largest part of a velocity limit that 1 m/s along an axis takes, and the joint.
 
-
-@compiled
-def _busiest(joints, limits):  # type: ignore[no-untyped-def]
-    """Returns the joint whose velocity is largest by its limit."""
-    best, most = 0, -1.0
-    for k in range(joints.shape[1]):
-        part = abs(joints[VELOCITY, k]) / limits[FASTEST, k]
-        if part > most:
-            best, most = k, part
-    return best
-
-
-@compiled_apart
-def joints_keep(motion, rows, end, intervals, carrier):  # type: ignore[no-untyped-def]
-    """Whether the joints that carry the container keep their limits in a candidate motion.
+    In s/m. Directions in which no joint can move the container at all take nothing.
 
     Args:
-        motion: (3, 3) of the container's origin at this moment.
-        rows: (R, 3) its accelerations.
-        end: rows until it is at rest.
-        intervals: from row to row [s].
-        carrier: chain (J + 1, JOINT), without joints: nothing is checked; limits (5, D), goal
-            (12,), present joints (3, D), and (REFUSED,), which receives the first joint that does
-            not keep a limit, and which.
+        chain, space: see `carry`.
+        places: (D,) joint positions.
+        fastest: (D,) velocity limits.
     """
-    chain, limits, goal, present, refused = carrier
-    if chain.shape[0] == 0:
-        return True
-    now, joints, before = motion.copy(), present.copy(), present.copy()
-    space = scratch(chain, joints.shape[1])
-    for row in range(1, min(end + 1, rows.shape[0])):
-        interval = intervals[row - 1]
-        move(now, rows[row], interval)
-        before[:] = joints
-        which, limit = -1, 0
-        if not carry(chain, goal, now, interval, joints, space):
-            which, limit = _busiest(joints, limits), BY_REACH
-        for k in range(joints.shape[1]):
-            found = _exceeded(before, joints, k, interval, limits)
-            if found > 0 and which < 0:
-                which, limit = k, found
-        if which >= 0:
-            if refused[REFUSED_LIMIT] == 0.0:
-                refused[REFUSED_JOINT], refused[REFUSED_LIMIT] = which, limit
-            return False
-    return True
-
-
-@compiled
-def carry_on(motion, interval, carrier):  # type: ignore[no-untyped-def]
-    """Moves the present joints on by a step to the container's motion (3, 3)."""
-    chain, _, goal, joints, _ = carrier
-    if chain.shape[0] > 0:
-        carry(chain, goal, motion, interval, joints, scratch(chain, joints.shape[1]))
+    axes, origins, columns, _, lower, vector = space
+    _, at = _frames(chain, places, axes, origins)
+    _jacobian(chain, axes, origins, at, columns)
+    _factorised(columns, lower)
+    most, joint = 0.0, 0
+    for axis in range(3):
+        vector[:] = 0.0
+        vector[axis] = 1.0
+        _solve(lower, vector)
+        for k in range(places.shape[0]):
+            part = abs(_product(columns[k], vector)) / fastest[k]
+            if part > most:
+                most, joint = part, k
+    return most, joint
 
 
 @entry_point(void(GIVEN_2, GIVEN_1, CHANGED_1))

@@ -27,8 +27,8 @@ from slosh_base.compiled.compilation import (
 )
 from slosh_model.kernel import UPRIGHT, advance
 from slosh_model.layout import records
+from slosh_plan.governor.carried import carry_on, eased, joints_keep, part
 from slosh_plan.governor.chain import felt_at
-from slosh_plan.governor.inverse import carry_on, joints_keep
 from slosh_plan.governor.layout import (
     BOUND,
     CANDIDATES,
@@ -46,7 +46,6 @@ from slosh_plan.governor.layout import (
     PERIOD,
     PLAN,
     POINT,
-    REFUSED_LIMIT,
     REST,
     SHARE,
     SIZE,
@@ -117,7 +116,7 @@ def _prepared(one, plan, begun, moves, rows):  # type: ignore[no-untyped-def]
         plan: (PLAN,) of it.
         begun: the motion at this moment, the governor's state and stop, settings, limits, robot,
             the next accelerations by command and by stop, the stop's row that is row 2, and
-            the carrier of `inverse.joints_keep`.
+            the carrier of `carried.joints_keep`.
         moves: see `_best_of_all`; the candidate's part is written.
         rows: (R, D) receives its accelerations.
 
@@ -227,9 +226,10 @@ def _best_part(plans, begun, moves, rows, cups, ranks, told):  # type: ignore[no
     while above + 1 < below:
         one = (above + below) // 2
         found = math.inf
-        if _prepared(one, plans[one], begun, moves, rows[one]) == JUDGED:
+        judged = _prepared(one, plans[one], begun, moves, rows[one]) == JUDGED
+        if judged and _carried(one, plans[one], begun, moves, rows[one]):
             found = _verified(one, moves, cups, settings, ranks, False, trial)
-        if found <= 1.0 and _carried(one, plans[one], begun, moves, rows[one]):
+        if found <= 1.0:
             best, use, below = one, found, one
             told[:] = trial
         else:
@@ -267,11 +267,12 @@ def _best_of_all(plans, begun, moves, rows, kept, cups, ranks, follow, last, tol
     for _ in range(VERIFIED):
         if kept[best] != JUDGED or not shares[best] <= 1.0:
             break
-        shares[best] = _verified(best, moves, cups, settings, ranks, False, told)
-        if shares[best] <= 1.0:
-            if _carried(best, plans[best], begun, moves, rows[best]):
+        if _carried(best, plans[best], begun, moves, rows[best]):
+            shares[best] = _verified(best, moves, cups, settings, ranks, False, told)
+            if shares[best] <= 1.0:
                 return best, shares[best]
-            kept[best] = 0
+        else:
+            kept[best], shares[best] = 0, math.inf
         best = _best(shares, kept, rests, settings, follow)
     for one in range(CANDIDATES):
         if kept[one] == JUDGED:
@@ -280,7 +281,7 @@ def _best_of_all(plans, begun, moves, rows, kept, cups, ranks, follow, last, tol
     while last and kept[best] == JUDGED:
         if _carried(best, plans[best], begun, moves, rows[best]):
             break
-        kept[best] = 0
+        kept[best], shares[best] = 0, math.inf
         best = _best(shares, kept, rests, settings, follow)
     told[:] = math.nan
     if last and kept[best] == JUDGED:
@@ -313,7 +314,7 @@ def govern(  # type: ignore[no-untyped-def]
         cups: (C, CUP).
         joints, points: see `chain.felt_at`; no joints: the coordinates are x, y, z.
         links, ranges, goal, carrying, refused: joints that carry a container that is governed by
-            x, y, z; see `inverse.joints_keep`; the last two are changed.
+            x, y, z; see `carried.joints_keep`; the last two are changed.
         ranks: (C, RANKS); changed.
         chosen: (P, 3) receives the acceleration of the next moment at each point [m/s²].
         told: (C, USES) receives what the answer uses of each container's limits; NaN: not looked
@@ -328,19 +329,20 @@ def govern(  # type: ignore[no-untyped-def]
     intervals, times = np.zeros(size), np.zeros(size)
     first = grid(state, settings, size, intervals, times)
     wanted, held = np.empty(coordinates), np.empty(coordinates)
+    carrier = (links, ranges, goal, carrying, refused)
+    refused[:] = 0.0
     next_held(motion, state, stop, settings, held)
     if joints.shape[0] == 0:
-        wanted_by_axes(motion, command, settings, wanted)
+        wanted_by_axes(motion, eased(motion, command, carrier), settings, wanted)
+        part(motion, held, settings, carrier, wanted)
     else:
         wanted_of_joints(motion, command, limits, settings, held, robot, wanted)
     rows, plans = np.zeros((CANDIDATES, size, coordinates)), np.zeros((CANDIDATES, PLAN))
     driven = np.zeros((CANDIDATES, points.shape[0], size, 3))
     ends, kept = np.ones(CANDIDATES, dtype=np.int64), np.zeros(CANDIDATES, dtype=np.int64)
     moves = (stores, driven, ends, intervals, times)
-    carrier = (links, ranges, goal, carrying, refused)
     begun = (motion, state, stop, settings, limits, robot, wanted, held, first, carrier)
     state[TURN] += 1.0
-    refused[REFUSED_LIMIT] = 0.0
     best, use, answer[TRIED] = 0, math.inf, 0.0
     block = WHOLE if follow else OTHERS
     while block <= OTHERS and not use <= 1.0:
@@ -362,8 +364,8 @@ def govern(  # type: ignore[no-untyped-def]
     for point in range(points.shape[0]):
         chosen[point] = driven[best, point, 1]
     take(motion, state, stop, settings, rows[best], ends[best])
-    carry_on(motion, settings[PERIOD], carrier)
     answer[REST] = trimmed(motion, state, stop, settings)
+    carry_on(motion, settings[PERIOD], carrier)
     for number in range(stores.shape[0]):
         cup = cups[number // MODELS]
         runs, modes = records(stores[number, : int(cup[SIZE])])

@@ -70,9 +70,10 @@ LOWER, UPPER, FASTEST, HARDEST, SHARPEST = range(5)
 
 ORIGIN = 9
 """Of the pose that a robot keeps: its rotation by rows, and from here its origin [m]."""
-REFUSED_JOINT, REFUSED_LIMIT, REFUSED = range(3)
-"""The first joint that did not keep a limit in a step, and which of `inverse.BY_POSITION` …; 0:
-all did."""
+REFUSED_JOINT, REFUSED_LIMIT, EASED = range(3)
+"""The first joint that would exceed a limit in a step, and which of `carried.BY_POSITION` …; 0:
+none; 1: the command was lowered for it."""
+REFUSED = 3
 
 SLIDES, COLUMN, TIMES, OFFSET, ALONG, STEP, FIXED, COSINE, SINE = 0, 1, 2, 3, 4, 7, 10, 19, 28
 """A joint: 1 where it slides, 0 where it turns; its coordinate; factor and offset of its position;
