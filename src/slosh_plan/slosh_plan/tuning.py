@@ -149,7 +149,7 @@ class PlanTuning:
     )
     # governor/inverse.py and governor/carrier.py
     governor_damping: float = number(1e-4, "m", "singular value at which joints hardly follow")
-    governor_stray: float = number(0.005, "m", "predicted joints miss the container by so much")
+    governor_stray: float = number(0.001, "m", "predicted joints miss the container by so much")
     governor_unreached: float = number(0.01, "1", "part of a velocity that joints do not reach")
     governor_carried: float = number(
         0.02, "1", "part of a carrying joint's velocity limit that is left between samples"
@@ -164,6 +164,9 @@ class PlanTuning:
     )
     governor_measured: float = number(
         1e-4, "rad", "measured joint that is so far from the computed one moved at rest"
+    )
+    governor_unheard: float = number(
+        0.5, "s", "time without joint states of a carrying robot that is a stop"
     )
     governor_strayed: float = number(
         0.3, "rad", "distance of a moving robot's joint from the governor's that is a stop"

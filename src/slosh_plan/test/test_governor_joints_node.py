@@ -179,12 +179,12 @@ def test_a_robot_that_carries_the_container_keeps_its_joint_limits(model: Path) 
         stops = cell.listen(JointTrajectory, topics.STOP_JOINT_TRAJECTORY, qos.EVENT)
         cell.follow(-0.3, lambda: cell.moved[-1].velocity[0] < -0.15, start)
         assert cell.call(Trigger, topics.EMERGENCY_STOP, Trigger.Request()).success
+        cell.follow(-0.3, lambda: cell.moved[-1].state == GovernedMotion.RESTING, start)
         cell.until(lambda: stops)
         assert list(stops[0].points[-1].velocities) == [0.0] * 4
-        cell.until(lambda: cell.moved[-1].state == GovernedMotion.RESTING)
         assert cell.call(Trigger, topics.RELEASE_STOP, Trigger.Request()).success
         # Without joint states it stops, and says so.
-        cell.follow(-0.1, lambda: cell.moved[-1].reason == GovernedMotion.JOINTS, None)
+        cell.follow(-0.02, lambda: cell.moved[-1].reason == GovernedMotion.JOINTS, None)
         assert "no joint states of 'rail' for" in cell.governor._health()[1]
         cell.follow(-0.1, lambda: cell.moved[-1].velocity[0] < -0.05, start)
     finally:

@@ -13,6 +13,7 @@ from slosh_plan.governor.layout import (
     EASED,
     FASTEST,
     HARDEST,
+    HEAVIEST,
     LOWER,
     PERIOD,
     PLACE,
@@ -30,8 +31,6 @@ BY_POSITION, BY_VELOCITY, BY_ACCELERATION, BY_JERK, BY_REACH = range(1, 6)
 """Limits by which a motion is refused."""
 PULL = TUNING.governor_pull
 SLACK = TUNING.governor_slack
-HEAVIEST = 1.0 / TUNING.governor_slowest
-"""Largest part of a joint's velocity limit that 1 m/s may take where a stop ends [s/m]."""
 
 
 @compiled
@@ -174,10 +173,9 @@ def joints_keep(motion, rows, end, intervals, carrier):  # type: ignore[no-untyp
         if limit > 0:
             _tell(refused, which, limit)
             return False
-    # A stop near a singular position is no place to go on from, unless it leads away from one.
-    begun, _ = effort(chain, present[PLACE], limits[FASTEST], space)
+    # From near a singular position it could not go on.
     ended, heaviest = effort(chain, joints[PLACE], limits[FASTEST], space)
-    if ended > max(HEAVIEST, begun):
+    if ended > refused[HEAVIEST]:
         _tell(refused, heaviest, BY_REACH)
         return False
     return True

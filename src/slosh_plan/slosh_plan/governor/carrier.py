@@ -60,7 +60,10 @@ class Carrier:
         self._ranges[:] = _ranges(self.arm.at(places))
         self.joints[:] = 0.0
         self.joints[layout.PLACE] = places
-        inverse.pose(self._links, self.joints[layout.PLACE], self._goal)
+        fastest = self._ranges[layout.FASTEST]
+        effort = inverse.pose(self._links, self.joints[layout.PLACE], fastest, self._goal)
+        # Who starts near a singular position may stop as near to one.
+        self._refused[layout.HEAVIEST] = max(effort, 1.0 / TUNING.governor_slowest)
         self._goal[layout.ORIGIN :] -= origin
 
     def differs(self, places: Array) -> bool:
@@ -94,7 +97,8 @@ class Carrier:
         except SloshPlanError as error:
             return str(error)
         pose = np.zeros(layout.ORIGIN + 3)
-        inverse.pose(self._links, np.array(places, dtype=np.float64), pose)
+        own = np.array(places, dtype=np.float64)
+        inverse.pose(self._links, own, self._ranges[layout.FASTEST], pose)
         tilt = math.acos(min(float(pose[layout.ORIGIN - 1]), 1.0))
         return (
             f"the robot holds the container tilted by {math.degrees(tilt):.1f}°: commands of "

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba.types import void
+from numba.types import float64
 
 from slosh_base.compiled.compilation import (
     CHANGED_1,
@@ -268,11 +268,18 @@ def effort(chain, places, fastest, space):  # type: ignore[no-untyped-def]
     return most, joint
 
 
-@entry_point(void(GIVEN_2, GIVEN_1, CHANGED_1))
-def pose(chain, places, goal):  # type: ignore[no-untyped-def]
-    """Writes rotation by rows and origin (12,) of the container for joint positions (D,)."""
+@entry_point(float64(GIVEN_2, GIVEN_1, GIVEN_1, CHANGED_1))
+def pose(chain, places, fastest, goal):  # type: ignore[no-untyped-def]
+    """Writes rotation by rows and origin (12,) of the container; returns the `effort` there.
+
+    Args:
+        chain: see `carry`.
+        places, fastest: (D,) positions and velocity limits of the joints.
+        goal: receives them.
+    """
     r, at = _frames(chain, places, np.empty((chain.shape[0], 3)), np.empty((chain.shape[0], 3)))
     for k in range(ORIGIN):
         goal[k] = r[k]
     for k in range(3):
         goal[ORIGIN + k] = at[k]
+    return effort(chain, places, fastest, scratch(chain, places.shape[0]))[0]

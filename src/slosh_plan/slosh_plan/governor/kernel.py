@@ -35,6 +35,7 @@ from slosh_plan.governor.layout import (
     DURATION,
     ENOUGH,
     HASTE,
+    HEAVIEST,
     HELD,
     KIND,
     LAW,
@@ -330,7 +331,7 @@ def govern(  # type: ignore[no-untyped-def]
     first = grid(state, settings, size, intervals, times)
     wanted, held = np.empty(coordinates), np.empty(coordinates)
     carrier = (links, ranges, goal, carrying, refused)
-    refused[:] = 0.0
+    refused[:HEAVIEST] = 0.0
     next_held(motion, state, stop, settings, held)
     if joints.shape[0] == 0:
         wanted_by_axes(motion, eased(motion, command, carrier), settings, wanted)

@@ -70,10 +70,11 @@ LOWER, UPPER, FASTEST, HARDEST, SHARPEST = range(5)
 
 ORIGIN = 9
 """Of the pose that a robot keeps: its rotation by rows, and from here its origin [m]."""
-REFUSED_JOINT, REFUSED_LIMIT, EASED = range(3)
+REFUSED_JOINT, REFUSED_LIMIT, EASED, HEAVIEST = range(4)
 """The first joint that would exceed a limit in a step, and which of `carried.BY_POSITION` …; 0:
-none; 1: the command was lowered for it."""
-REFUSED = 3
+none; 1: the command was lowered for it. Then the largest effort of joints where a stop may end;
+see `inverse.effort` [s/m]."""
+REFUSED = 4
 
 SLIDES, COLUMN, TIMES, OFFSET, ALONG, STEP, FIXED, COSINE, SINE = 0, 1, 2, 3, 4, 7, 10, 19, 28
 """A joint: 1 where it slides, 0 where it turns; its coordinate; factor and offset of its position;

@@ -195,7 +195,7 @@ class GovernorNode(PreparedNode):
         """Tells the governor where the robot that carries the container is."""
         if self._robot is None or self._of_joints is not None:
             return
-        self._lost = self._joints.silence(now_ns, self._values["timeout"])
+        self._lost = self._joints.silence(now_ns, TUNING.governor_unheard)
         if self._lost:
             core.lose(lost=True)
         else:
