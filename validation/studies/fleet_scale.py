@@ -9,6 +9,7 @@ One and two workers take turns; more are simulated with the measured cost of a t
 from __future__ import annotations
 
 import argparse
+import heapq
 import os
 import shutil
 import statistics
@@ -29,10 +30,13 @@ from result_tables import fill
 
 from slosh_bringup.cli.progress import say
 from slosh_bringup.many_files import IN_FLIGHT, map_files
+from slosh_bringup.task_batches import Batches
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 PAGE: Final = ROOT / "docs" / "robot.md"
 SIMULATED: Final = (1, 2, 4, 8, 16, 32, 64)
+SIMULATED_BAGS: Final = 200
+"""Bags for each of the most simulated workers."""
 
 
 class Run(NamedTuple):
@@ -64,8 +68,16 @@ def cluster(workers: int) -> Iterator[Client]:
         yield client
 
 
-def run_all(work: Callable[[Any], float], items: Sequence[Any], client: Client) -> Run:
+def run_all(
+    work: Callable[[Any], float], items: Sequence[Any], client: Client, apart: bool = False
+) -> Run:
     """Works on all items on a cluster.
+
+    Args:
+        work: of one item.
+        items: paths of bags, or numbers.
+        client: of the cluster.
+        apart: whether each item is a task; otherwise several are where they are short.
 
     Raises:
         RuntimeError: an item failed.
@@ -73,7 +85,10 @@ def run_all(work: Callable[[Any], float], items: Sequence[Any], client: Client) 
     memory: list[float] = []
     spent = -_processor(client)
     begin = time.perf_counter()
-    outcomes = map_files(work, items, scheduler=client.scheduler.address)
+    outcomes = map_files(
+        work, items, scheduler=client.scheduler.address,
+        sizes=None if apart else [1.0] * len(items),
+    )  # fmt: skip
     for taken, outcome in enumerate(outcomes, 1):
         if outcome.value is None:
             raise RuntimeError(f"{outcome.item}: {outcome.error}")
@@ -93,27 +108,30 @@ def task_cost(count: int) -> float:
     Both run in this process, and the workers have nothing to do: its processor time is the cost.
     """
     with cluster(2) as client:
-        run_all(nothing, range(20), client)
+        run_all(nothing, range(20), client, apart=True)
         begin = time.process_time()
-        run_all(nothing, range(count), client)
+        run_all(nothing, range(count), client, apart=True)
         return (time.process_time() - begin) / count
 
 
-def simulated(durations: Sequence[float], workers: int, cost: float) -> float:
+def simulated(durations: Sequence[float], workers: int, cost: float, apart: bool = False) -> float:
     """Returns the share of linear speed that so many workers reach.
 
     Scheduler and client serve one task at a time. A worker has IN_FLIGHT tasks, so that it goes on
     while it waits for the next one.
 
     Args:
-        durations: of the tasks [s].
+        durations: of the items [s].
         workers: their number.
         cost: time of scheduler and client for a task [s].
+        apart: whether each item is a task.
     """
     server = 0.0
     free = [0.0] * workers  # when each worker has done all that it has
     given: list[list[float]] = [[] for _ in range(workers)]  # ends of its tasks
-    for duration in durations:
+    under_way: list[tuple[float, list[tuple[int, float]]]] = []
+    batches = Batches(durations, None if apart else [1.0] * len(durations))
+    while True:
         # The worker whose oldest task ends first has room first.
         number = min(
             range(workers),
@@ -122,21 +140,27 @@ def simulated(durations: Sequence[float], workers: int, cost: float) -> float:
         own = given[number]
         ready = own[-IN_FLIGHT] if len(own) >= IN_FLIGHT else 0.0
         server = max(server, ready) + cost
-        free[number] = max(free[number], server) + duration
+        while under_way and under_way[0][0] <= server:
+            _, batch = heapq.heappop(under_way)
+            batches.learn(batch, sum(duration for _, duration in batch))
+        batch = batches.take(workers)
+        if not batch:
+            return sum(durations) / (workers * max(free))
+        free[number] = max(free[number], server) + sum(duration for _, duration in batch)
         own.append(free[number])
-    return sum(durations) / (workers * max(free))
+        heapq.heappush(under_way, (free[number], batch))
 
 
 def measured(name: str, make: Callable[[], Callable[[Any], float]], bags: Sequence[Path],
-             turns: int) -> list[str]:  # fmt: skip
+             turns: int, apart: bool = False) -> list[str]:  # fmt: skip
     """Returns table rows of runs with one and two workers, which take turns."""
     runs: dict[int, list[Run]] = {1: [], 2: []}
     for _ in range(turns):
         for workers, own in runs.items():
             work = make()
             with cluster(workers) as client:
-                run_all(work, bags[: 4 * workers], client)  # what is loaded at the first task
-                own.append(run_all(work, bags[4 * workers :], client))
+                run_all(work, bags[: 4 * workers], client, True)  # loads what the first task does
+                own.append(run_all(work, bags[4 * workers :], client, apart))
             say(f"{name}, {workers} workers: {own[-1]}, load {os.getloadavg()[0]:.1f}")
     middle = {n: statistics.median(run.seconds for run in own) for n, own in runs.items()}
     own_time = {
@@ -191,20 +215,22 @@ def main() -> int:
     middle = 1e3 * statistics.median(durations)
     say(f"a task costs {1e3 * cost:.2f} ms; ingest of a bag {middle:.0f} ms")
     rng = np.random.default_rng(1)
-    drawn = rng.choice(durations, 64 * 50).tolist()
+    drawn = rng.choice(durations, max(SIMULATED) * SIMULATED_BAGS).tolist()
+    kinds = (("ingest, one bag a task", drawn, True), ("ingest", drawn, False))
     table = [
         "| work | bags | workers | time [s] | bags/s | of linear "
         "| processor [ms/bag] | its share of linear | MiB after 10 % | MiB |",
         "|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|", *rows,
     ]  # fmt: skip
     wide = [
-        f"| workers, simulated ({1e3 * cost:.1f} ms a task) | "
+        f"| workers, simulated ({1e3 * cost:.1f} ms a task, {middle:.0f} ms a bag) | "
         + " | ".join(map(str, SIMULATED)) + " |",
         "|---|" + "--:|" * len(SIMULATED),
-        f"| ingest, {middle:.0f} ms a bag | "
-        + " | ".join(f"{simulated(drawn, n, cost):.2f}" for n in SIMULATED) + " |",
-        "| tasks of 1 s | "
-        + " | ".join(f"{simulated([1.0] * 64 * 50, n, cost):.2f}" for n in SIMULATED) + " |",
+        *(
+            f"| {name} | "
+            + " | ".join(f"{simulated(every, n, cost, apart):.2f}" for n in SIMULATED) + " |"
+            for name, every, apart in kinds
+        ),
     ]  # fmt: skip
     print("\n".join([*table, "", *wide]))
     if given.docs:

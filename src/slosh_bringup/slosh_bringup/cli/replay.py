@@ -16,7 +16,7 @@ from slosh_bag.mcap_files.bag_folder import files_of
 from slosh_bag.reader import bag_files
 from slosh_base.files import check_apart, check_outside
 from slosh_base.files.plain_text import plain_line
-from slosh_bringup.cli.bag_work import add_work_options, chosen_jobs
+from slosh_bringup.cli.bag_work import add_work_options, work_of
 from slosh_bringup.cli.input_options import add_input_options, wanted_input
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.progress import item_progress
@@ -161,8 +161,8 @@ def replay_all(
 ) -> list[ItemOutcome[Task, Replayed]]:
     """Runs the replay tasks and returns their outcomes in the same order."""
     outcomes: list[ItemOutcome[Task, Replayed]] = []
-    jobs = chosen_jobs([task.bag for task in tasks], arguments)
-    work = map_files(replay_task, tasks, jobs=jobs, scheduler=arguments.scheduler)
+    division = work_of([task.bag for task in tasks], arguments)
+    work = map_files(replay_task, tasks, **division._asdict())
     try:
         with item_progress("replay", len(tasks), "bags") as progress, closing(work):
             for outcome in work:
