@@ -1,9 +1,9 @@
 """Divides many items among tasks: few enough for a scheduler, small enough to end together.
 
-A scheduler takes some milliseconds for a task, however short it is. So a task gets as many items as
-take TASK_SECONDS, by the time that the tasks before it have taken, but no more than a share of what
-is left: towards the end tasks become smaller, and no worker waits long for another one's last task
-(guided self-scheduling: Polychronopoulos, Kuck, IEEE Trans. Comput. C-36, 1987).
+A scheduler takes some milliseconds for a task, however short it is. So a task gets as many items
+as take TASK_SECONDS, by the time that the tasks before it have taken, but no more than a share of
+what is left: towards the end tasks become smaller, and no worker waits long for another one's last
+task (guided self-scheduling: Polychronopoulos, Kuck, IEEE Trans. Comput. C-36, 1987).
 """
 
 from __future__ import annotations

@@ -13,12 +13,17 @@ WORTH_PROCESSES: Final = 100_000_000
 """Bags of this size together are worked on in several processes; to start these takes seconds."""
 
 
-def add_work_options(parser: argparse.ArgumentParser) -> None:
-    """Adds the options `--jobs` and `--scheduler`: where, and in how many processes, to work."""
-    parser.add_argument(
-        "--jobs", type=int, metavar="N",
-        help="number of processes (default: one per core; one for small bags)",
-    )  # fmt: skip
+JOBS: Final = "number of processes (default: one per core; one for small bags)"
+
+
+def add_work_options(parser: argparse.ArgumentParser, jobs: str = JOBS) -> None:
+    """Adds the options `--jobs` and `--scheduler`: where, and in how many processes, to work.
+
+    Args:
+        parser: of the command.
+        jobs: help of `--jobs`.
+    """
+    parser.add_argument("--jobs", type=int, metavar="N", help=jobs)
     parser.add_argument(
         "--scheduler", metavar="ADDRESS",
         help="address of a running Dask scheduler whose workers work on the bags",
@@ -39,14 +44,27 @@ class BagWork(NamedTuple):
     sizes: list[float]
 
 
-def work_of(bags: Sequence[Path], arguments: argparse.Namespace) -> BagWork:
-    """Returns how to divide the work on bags, by the options that `add_work_options` adds."""
+def work_of(
+    bags: Sequence[Path], arguments: argparse.Namespace, worth: float = WORTH_PROCESSES
+) -> BagWork:
+    """Returns how to divide the work on bags.
+
+    Args:
+        bags: folders or files.
+        arguments: with the options that `add_work_options` adds.
+        worth: size of all bags from which several processes are worth their start [bytes].
+    """
     jobs: int | None = arguments.jobs
     open_choice = jobs is None and arguments.scheduler is None
     sizes = [_size(bag) if open_choice or not is_url(str(bag)) else 0.0 for bag in bags]
-    if open_choice and sum(sizes) < WORTH_PROCESSES:
+    if open_choice and sum(sizes) < worth:
         jobs = 1
     return BagWork(jobs, arguments.scheduler, sizes)
+
+
+def named_error(bag: Path, error: str) -> str:
+    """Returns why the work on a bag has failed; a killed process, say, could not name the bag."""
+    return error if str(bag) in error else f"{bag}: {error}"
 
 
 def _size(bag: Path) -> float:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from slosh_bag.mcap_files.remote_path import bag_path, is_url
 from slosh_base.files.plain_text import plain_line
-from slosh_bringup.cli.bag_work import add_work_options, work_of
+from slosh_bringup.cli.bag_work import add_work_options, named_error, work_of
 from slosh_replay.fleet import PLACE
 from slosh_replay.fleet.ingest import Ingested, ingest
 from slosh_replay.fleet.store import FleetStore
@@ -58,7 +58,8 @@ def run(arguments: argparse.Namespace) -> int:
         for outcome in work:
             progress.add()
             if outcome.value is None:
-                print(plain_line(f"slosh ingest: {outcome.error}"), file=sys.stderr)
+                told = named_error(outcome.item, outcome.error)
+                print(plain_line(f"slosh ingest: {told}"), file=sys.stderr)
                 continue
             done, total = done + 1, total + outcome.value.motions
             print(plain_line(f"{bags[outcome.index]}: {_told(outcome.value)}"))

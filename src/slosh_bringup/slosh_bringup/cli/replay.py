@@ -16,7 +16,7 @@ from slosh_bag.mcap_files.bag_folder import files_of
 from slosh_bag.reader import bag_files
 from slosh_base.files import check_apart, check_outside
 from slosh_base.files.plain_text import plain_line
-from slosh_bringup.cli.bag_work import add_work_options, work_of
+from slosh_bringup.cli.bag_work import add_work_options, named_error, work_of
 from slosh_bringup.cli.input_options import add_input_options, wanted_input
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.progress import item_progress
@@ -180,7 +180,8 @@ def tell(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
     for outcome in outcomes:
         item, expected = outcome.value, outcome.item.expected
         if item is None:
-            print(plain_line(f"slosh replay: {outcome.error}"), file=sys.stderr)
+            told = named_error(outcome.item.bag, outcome.error)
+            print(plain_line(f"slosh replay: {told}"), file=sys.stderr)
             continue
         for warning in item.warnings:
             if expected is None or not any(text in warning for text in expected.warnings):
