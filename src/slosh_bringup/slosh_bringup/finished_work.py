@@ -7,7 +7,7 @@ import json
 import shutil
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import Enum
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -107,11 +107,14 @@ def decoded(kind: Any, value: Any) -> Any:
         return tuple(decoded(one, part) for one, part in zip(kinds, value, strict=True))
     if origin is not None and issubclass(origin, Mapping):
         return {key: decoded(inner[1], part) for key, part in value.items()}
+    if not isinstance(kind, type):
+        return value
+    make: Callable[..., Any] = kind
     if dataclasses.is_dataclass(kind):
         hints = typing.get_type_hints(kind)
         known = [field.name for field in dataclasses.fields(kind)]
-        return kind(**{name: decoded(hints[name], value[name]) for name in known})
-    if isinstance(kind, type) and issubclass(kind, tuple):
-        hints = typing.get_type_hints(kind).values()
-        return kind(*(decoded(one, part) for one, part in zip(hints, value, strict=True)))
-    return kind(value) if isinstance(kind, type) and issubclass(kind, (Enum, Path)) else value
+        return make(**{name: decoded(hints[name], value[name]) for name in known})
+    if issubclass(kind, tuple):
+        kinds = list(typing.get_type_hints(kind).values())
+        return make(*(decoded(one, part) for one, part in zip(kinds, value, strict=True)))
+    return make(value) if issubclass(kind, (Enum, Path)) else value

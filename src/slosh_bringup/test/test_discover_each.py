@@ -23,6 +23,7 @@ from slosh_tables.motion_table import MotionTable, write_motion_table
 from slosh_testing.commands import complaint
 
 MODEL = str(config_folder() / "model.yaml")
+BAGS = Path(__file__).parents[3] / "bags"
 
 
 @pytest.fixture
@@ -150,7 +151,7 @@ from slosh_bringup.discovery_task import discovery_task
 
 
 def discover_or_die(request):
-    if request.output.name == "run_2":
+    if request.output.name == "c3":
         os.kill(os.getpid(), signal.SIGKILL)
     return discovery_task(request)
 """
@@ -158,7 +159,7 @@ def discover_or_die(request):
 
 @pytest.mark.long
 def test_processes_give_the_same_and_a_killed_one_costs_its_own_recording(
-    capsys, tables, tmp_path, monkeypatch
+    capsys, tmp_path, monkeypatch
 ):
     (tmp_path / "each_work.py").write_text(WORK)
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -166,13 +167,15 @@ def test_processes_give_the_same_and_a_killed_one_costs_its_own_recording(
     monkeypatch.setenv("PYTHONPATH", path.rstrip(os.pathsep))
     work = importlib.import_module("each_work")
     serial, parallel = tmp_path / "serial", tmp_path / "processes"
-    requests = each_recording(DiscoveryRequest((tables,), parallel, Path(MODEL)))
+    bags = tuple(BAGS / name for name in ("l", "c3", "l3"))
+    requests = each_recording(DiscoveryRequest(bags, parallel, from_bag=True))
     found = list(map_files(work.discover_or_die, requests, jobs=2, sizes=[1.0] * len(requests)))
     del sys.modules["each_work"]
-    assert {one.item.output.name: one.error for one in found if one.error} == {"run_2": KILLED}
-    assert main(line(tables, parallel, "--jobs", "2")) == 0
-    assert capsys.readouterr().err.count("examined before") == 3
-    assert main(line(tables, serial, "--jobs", "1")) == 0
+    assert {one.item.output.name: one.error for one in found if one.error} == {"c3": KILLED}
+    words = ["discover", "--each", "--from-bag", *map(str, bags)]
+    assert main([*words, "-o", str(parallel), "--jobs", "2"]) == 0
+    assert capsys.readouterr().err.count("examined before") == 2
+    assert main([*words, "-o", str(serial), "--jobs", "1"]) == 0
     results = contents(serial)
     assert len(results) > 3 * len(requests)
     assert contents(parallel) == {

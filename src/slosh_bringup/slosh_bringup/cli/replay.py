@@ -21,6 +21,7 @@ from slosh_bringup.cli.input_options import add_input_options, wanted_input
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.progress import item_progress
 from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.finished_work import FinishedWork
 from slosh_bringup.many_files import ItemOutcome, map_files
 from slosh_bringup.replay.index import check_index, write_index
 from slosh_bringup.replay.junit import Case, Suite, write_junit
@@ -102,6 +103,8 @@ def run(arguments: argparse.Namespace) -> int:
     tell(outcomes)
     if arguments.output and any(outcome.value is not None for outcome in outcomes):
         write_index(arguments.output, outcomes)
+        if all(outcome.value is not None for outcome in outcomes):
+            FinishedWork(arguments.output).forget()  # it was not interrupted: the next one is new
     if arguments.json:
         print(json.dumps([_document(outcome) for outcome in outcomes], indent=2))
     else:
@@ -177,6 +180,10 @@ def replay_all(
 
 def tell(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
     """Prints errors, warnings and failed checks of the replays, one line each."""
+    before = sum(outcome.value is not None and outcome.value.before for outcome in outcomes)
+    if before:
+        said = f"{before} of {len(outcomes)} bags were replayed by the interrupted run"
+        print(f"slosh replay: {said}", file=sys.stderr)
     for outcome in outcomes:
         item, expected = outcome.value, outcome.item.expected
         if item is None:
