@@ -1,4 +1,4 @@
-"""Measures ingest and replay of many bags on a Dask cluster, and queries of many motions.
+"""Measures ingest, replay and discovery of many bags on a Dask cluster.
 
 The bags are generated: the messages of shipped recordings with their stamps moved in time.
 One and two workers take turns; more are simulated with the measured cost of a task.
@@ -25,7 +25,15 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import with_tools  # noqa: F401
 from distributed import Client, LocalCluster
-from fleet_bags import ingest_one, make_bag, nothing, processor_time, replay_one, resident
+from fleet_bags import (
+    discover_one,
+    ingest_one,
+    make_bag,
+    nothing,
+    processor_time,
+    replay_one,
+    resident,
+)
 from result_tables import fill
 
 from slosh_bringup.cli.progress import say
@@ -151,34 +159,49 @@ def simulated(durations: Sequence[float], workers: int, cost: float, apart: bool
         heapq.heappush(under_way, (free[number], batch))
 
 
-def measured(name: str, make: Callable[[], Callable[[Any], float]], bags: Sequence[Path],
-             turns: int, apart: bool = False) -> list[str]:  # fmt: skip
-    """Returns table rows of runs with one and two workers, which take turns."""
+def measured(
+    name: str,
+    make: Callable[[], Callable[[Any], float]],
+    bags: Sequence[Path],
+    turns: int,
+    apart: bool = False,
+    first: int = 4,
+) -> list[str]:
+    """Returns table rows of runs with one and two workers, which take turns.
+
+    Args:
+        name: of the work.
+        make: returns the work on a bag, for each run anew.
+        bags: all bags.
+        turns: runs of which the median is taken.
+        apart: whether each bag is a task.
+        first: bags for each worker that are not counted: they load what later ones find loaded.
+    """
     runs: dict[int, list[Run]] = {1: [], 2: []}
+    rest = bags[first * max(runs) :]
     for _ in range(turns):
         for workers, own in runs.items():
             work = make()
             with cluster(workers) as client:
-                run_all(work, bags[: 4 * workers], client, True)  # loads what the first task does
-                own.append(run_all(work, bags[4 * workers :], client, apart))
+                run_all(work, bags[: first * workers], client, apart=True)
+                own.append(run_all(work, rest, client, apart))
             say(f"{name}, {workers} workers: {own[-1]}, load {os.getloadavg()[0]:.1f}")
     middle = {n: statistics.median(run.seconds for run in own) for n, own in runs.items()}
     own_time = {
-        n: 1e3 * statistics.median(run.processor for run in own) / (len(bags) - 4 * n)
+        n: 1e3 * statistics.median(run.processor for run in own) / len(rest)
         for n, own in runs.items()
     }
     rows = []
     for workers, own in runs.items():
-        count = len(bags) - 4 * workers
-        speed = count / middle[workers]
-        share = speed / (workers * (len(bags) - 4) / middle[1])
-        first, last = (
+        share = middle[1] / (workers * middle[workers])
+        speed = len(rest) / middle[workers]
+        first_memory, last_memory = (
             max(getattr(run, f) for run in own) for f in ("first_memory", "last_memory")
         )
         rows.append(
-            f"| {name} | {len(bags)} | {workers} | {middle[workers]:.1f} | {speed:.1f} "
+            f"| {name} | {len(bags)} | {workers} | {middle[workers]:.1f} | {speed:.3g} "
             f"| {share:.2f} | {own_time[workers]:.0f} | {own_time[1] / own_time[workers]:.2f} "
-            f"| {first:.0f} | {last:.0f} |"
+            f"| {first_memory:.0f} | {last_memory:.0f} |"
         )
     return rows
 
@@ -189,6 +212,7 @@ def main() -> int:
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "out" / "fleet")
     parser.add_argument("--bags", type=int, default=1000)
     parser.add_argument("--replays", type=int, default=60, help="bags that are replayed, too")
+    parser.add_argument("--discoveries", type=int, default=26, help="bags that are examined, too")
     parser.add_argument("--turns", type=int, default=3)
     parser.add_argument("--docs", action="store_true", help="write the tables in docs/")
     given = parser.parse_args()
@@ -206,10 +230,15 @@ def main() -> int:
         def ingesting() -> Callable[[Any], float]:
             return partial(ingest_one, tempfile.mkdtemp(dir=stores))
 
+        def discovering() -> Callable[[Any], float]:
+            return partial(discover_one, tempfile.mkdtemp(dir=stores))
+
         rows = measured("ingest", ingesting, bags, given.turns)
         shutil.rmtree(stores)
         Path(stores).mkdir()
         rows += measured("replay", lambda: replay_one, bags[: given.replays], 1)
+        examined = bags[: given.discoveries]
+        rows += measured("discover", discovering, examined, 1, first=1)
         durations = [ingest_one(f"{stores}/own", bag) for bag in bags[:60]]
     cost = task_cost(2 * given.bags)
     middle = 1e3 * statistics.median(durations)
