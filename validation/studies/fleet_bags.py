@@ -18,7 +18,9 @@ from slosh_bag.recover import NotedDefinitions
 from slosh_base.files import new_folder
 from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.cli.ingest import ingest_task
+from slosh_bringup.discovery_task import discovery_task
 from slosh_bringup.replay.task import Task, replay_task
+from slosh_discovery.discovering import DiscoveryRequest
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 SOURCES: Final = tuple(ROOT / "bags" / name for name in ("l", "l3", "c", "c3", "e", "e3"))
@@ -72,6 +74,13 @@ def replay_one(bag: Path) -> float:
     """Replays a bag; returns the time that it took [s]."""
     begin = time.perf_counter()
     replay_task(Task(bag, bag.name))
+    return time.perf_counter() - begin
+
+
+def discover_one(output: str, bag: Path) -> float:
+    """Examines the motions of a bag; returns the time that it took [s]."""
+    begin = time.perf_counter()
+    discovery_task(DiscoveryRequest((bag,), Path(output, bag.name), from_bag=True))
     return time.perf_counter() - begin
 
 
