@@ -125,9 +125,11 @@ class OptimalSearch:
             tilting: whether the container may tilt.
             others: models with other parameters, whose liquids keep the limits, too.
         """
-        flows = [flow_of(model) for model in (self.check.model, *others)]
-        loose = self.check.loose
-        terms = None if loose is None else LooseTerms.of(self.check.model, loose.standing)
+        models, loose = (self.check.model, *others), self.check.loose
+        terms = (
+            () if loose is None else tuple(LooseTerms.of(one, loose.standing) for one in models)
+        )
+        flows = [flow_of(model) for model in models]
         return PathSearch(flows, self.path, self.yaw, durations, tilting=tilting, loose=terms)
 
     def _enough(self, best: Found) -> bool:
