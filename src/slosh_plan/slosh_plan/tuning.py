@@ -130,6 +130,9 @@ class PlanTuning:
     governor_tail: float = number(0.6, "period", "periods of the first mode after a stop")
     governor_tilted_tail: float = number(1.1, "period", "the same where the container may tilt")
     governor_first: float = number(2.0, "period", "duration of the first stop, in its periods")
+    governor_least: float = number(
+        16.0, "step", "duration of the shortest stop while a command is followed"
+    )
     governor_longest: float = number(1.2, "s", "longest stop")
     governor_reserve: float = number(0.04, "1", "part by which heights are raised")
     governor_spread: float = number(
