@@ -54,7 +54,9 @@ class PlanTuning:
     )
     again: float = number(0.2, "1", "part of the time limit after which no second search starts")
     repeated: tuple[float, ...] = number(
-        (1.02, 1.1), "1", "factors by which the start of a repeated search is slower, tried in turn"
+        (1.02, 1.1),
+        "1",
+        "factors by which the start of a repeated search is slower, tried in turn",
     )
     search_rounds: int = number(8, "1", "how often a limit is lowered")
     ahead: float = number(0.004, "1", "part by which heights are lowered at first")
