@@ -38,7 +38,9 @@ def moved(cup, steps):
 
 
 def test_the_acceleration_is_linear_between_steps(truth):
-    samples = moved(GovernedCup(truth, RATE), steps_of([[0.1, 0.0, -0.2], [0.1, 0.3, -0.2]]))
+    samples = moved(
+        GovernedCup(truth, RATE, PERIOD), steps_of([[0.1, 0.0, -0.2], [0.1, 0.3, -0.2]])
+    )
     assert [one.t for one in samples] == pytest.approx(np.arange(1, 21) / RATE)
     middle, first, last = samples[4], samples[9], samples[-1]
     assert middle.acceleration == pytest.approx([0.05, 0.0, -0.1])
@@ -50,7 +52,7 @@ def test_the_acceleration_is_linear_between_steps(truth):
 
 def test_the_liquid_is_that_of_the_whole_motion(truth):
     rows = np.random.default_rng(3).normal(size=(60, 3))
-    cup, push = GovernedCup(truth, RATE, Push(0.1, 0.1)), Push(0.1, 0.1)
+    cup, push = GovernedCup(truth, RATE, PERIOD, Push(0.1, 0.1)), Push(0.1, 0.1)
     samples = moved(cup, steps_of(rows))
     t = np.array([0.0, *(one.t for one in samples)])
     driven = np.vstack([np.zeros(3), *(one.acceleration for one in samples)])
@@ -65,10 +67,13 @@ def test_the_velocity_is_reached_where_steps_come_late_or_not_at_all(truth):
     rng = np.random.default_rng(4)
     rows = rng.normal(size=(60, 3)).cumsum(axis=0)
     ends = PERIOD * np.arange(1, 61) + rng.uniform(0.0, 0.008, 60)
-    steps, cup = steps_of(rows, ends), GovernedCup(truth, RATE)
+    steps, cup = steps_of(rows, ends), GovernedCup(truth, RATE, PERIOD)
     come = [one for one in steps if one.number not in (7, 20, 21)]
     samples = moved(cup, come)
-    assert cup.lost == 3
+    found = cup.outcome(make_motion("c"), LIMIT)
+    assert (found.steps, found.lost) == (60, 3)
+    assert found.late >= 2
+    assert "3 lost" in found.rows()["governed steps"]
     t = np.array([one.t for one in samples])
     assert t == pytest.approx(np.arange(1, len(t) + 1) / RATE)
     velocity = np.array([one.velocity for one in samples])
@@ -83,7 +88,7 @@ def test_the_velocity_is_reached_where_steps_come_late_or_not_at_all(truth):
     [(1, 0.02, 0.1), (0, 0.02, 0.1), (2, 0.01, 0.1), (2, 0.02, np.nan), (2, np.nan, 0.1)],
 )
 def test_a_governor_that_began_anew_is_named(truth, step, end, push):
-    cup = GovernedCup(truth, RATE)
+    cup = GovernedCup(truth, RATE, PERIOD)
     cup.move(GovernedStep(1, 0.01, np.zeros(3), np.zeros(3)))
     with pytest.raises(SloshBringupError, match=f"step {step} of the governor.* follows step 1"):
         cup.move(GovernedStep(step, end, np.zeros(3), np.array([push, 0.0, 0.0])))
@@ -99,13 +104,14 @@ def test_a_motion_that_turns_cannot_be_commanded():
 def test_a_governed_cup_stays_below_the_limit_that_its_commands_exceed(truth):
     model, motion = read_model(config_folder() / "model.yaml"), make_motion("c", 1.0 / PERIOD)
     governor = Governor(model, PlanLimits(LIMIT, LIMIT), period=PERIOD)
-    cup = GovernedCup(truth, RATE)
+    cup = GovernedCup(truth, RATE, PERIOD)
     for step, velocity in enumerate(commanded_velocity(motion).tolist(), start=1):
         governor.take(Command(step * NANOSECONDS, tuple(velocity)))
         told = governor.step(step * NANOSECONDS)
         both = np.array(told.velocity), np.array(told.acceleration)
         cup.move(GovernedStep(step, step * PERIOD, *both))
     found = cup.outcome(motion, LIMIT)
+    assert (found.lost, found.late) == (0, 0)
     assert found.ungoverned > 1.1 * LIMIT
     assert 0.6 * LIMIT < found.highest <= LIMIT
     assert 0.0 < found.slower < 0.6

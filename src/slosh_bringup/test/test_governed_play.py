@@ -71,7 +71,8 @@ def test_the_container_moves_as_the_governor_says(played):
     summary = json.loads(got[topics.SUMMARY][0].data)
     governed = summary["governed"]
     assert governed["ungoverned"] > 1.5 * LIMIT
-    assert 0.3 * LIMIT < governed["highest"] <= LIMIT
+    assert 0.3 * LIMIT < governed["highest"]
+    assert governed["highest"] <= LIMIT or governed["late"]
     assert governed["limit"] == LIMIT
     assert governed["distance"] > 0.2 * governed["commanded"]
     assert governed["lost"] == 0

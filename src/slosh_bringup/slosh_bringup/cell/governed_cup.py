@@ -35,6 +35,10 @@ def commanded_velocity(motion: CellMotion) -> Array:
     return found
 
 
+LATE = 1.5
+"""Periods of a governor between two steps that are late."""
+
+
 class CupSample(NamedTuple):
     """Motion of the container at one moment.
 
@@ -58,7 +62,10 @@ class GovernedOutcome:
         highest: greatest height of the reference liquid [m].
         ungoverned: that of the commands without a governor, simulated [m].
         distance, commanded: covered and commanded way [m].
-        lost: steps of the governor that did not arrive.
+        steps: of the governor.
+        lost: those of them that did not arrive.
+        late: those that began more than LATE periods after the one before: the governor knows
+            its liquid only by even steps.
     """
 
     limit: float
@@ -66,7 +73,9 @@ class GovernedOutcome:
     ungoverned: float
     distance: float
     commanded: float
+    steps: int = 0
     lost: int = 0
+    late: int = 0
 
     @property
     def slower(self) -> float:
@@ -81,10 +90,14 @@ class GovernedOutcome:
         """Returns the values as text by what they are."""
         reached = f"at most {1e3 * self.highest:.1f} mm of {1e3 * self.limit:g} mm"
         slower = f", {1e2 * self.slower:.0f} % slower than commanded" if self.slower > 0.0 else ""
-        return {
+        found = {
             "governed height": f"{reached}; the commands alone {1e3 * self.ungoverned:.1f} mm",
             "governed distance": f"{self.distance:.2f} of {self.commanded:.2f} m{slower}",
         }
+        if self.late or self.lost:
+            many = f"{self.late} of {self.steps} late, {self.lost} lost"
+            found["governed steps"] = f"{many}: the limit holds for steps on time only"
+        return found
 
 
 class GovernedStep(NamedTuple):
@@ -111,16 +124,16 @@ class GovernedCup:
     Args:
         model: of the reference liquid.
         rate: samples of the motion per second.
+        period: of the governor [s].
         push: by hand, at a time since the first step; None: there is none.
 
-    Attributes:
-        lost: steps that did not arrive.
     """
 
-    def __init__(self, model: Model, rate: float, push: Push | None = None) -> None:
+    def __init__(self, model: Model, rate: float, period: float, push: Push | None = None) -> None:
         self._model, self._rate, self._push = model, rate, push
+        self._longest, self._lost, self._late = LATE * period, 0, 0
         self._liquid = Simulator(model)
-        rest, self.lost = np.zeros(3), 0
+        rest = np.zeros(3)
         self._step = GovernedStep(0, 0.0, rest, rest)
         self._last = CupSample(0.0, rest, rest, rest)
         self._t, self._heights = [0.0], [self._liquid.step(0.0, 0.0, 0.0, 0.0)]
@@ -149,7 +162,8 @@ class GovernedCup:
                 f"{before.number}, at {before.end:.3f} s, with an acceleration of "
                 f"{step.acceleration.tolist()} m/s²"
             )
-        self.lost += step.number - before.number - 1
+        self._lost += step.number - before.number - 1
+        self._late += before.number > 0 and step.end - before.end > self._longest
         self._step = step
         # A hair of tolerance: a step ends at a sample.
         first, last = (math.floor(self._rate * t + 1e-6) for t in (begun.t, step.end))
@@ -207,5 +221,7 @@ class GovernedCup:
             float(msh_of(container, both).max()),
             self._distance,
             float(scipy.integrate.trapezoid(speed, motion.t)),
-            self.lost,
+            self._step.number,
+            self._lost,
+            self._late,
         )

@@ -149,8 +149,8 @@ class CellNode(PreparedNode):
         self._play_governed: GovernedPlay | None = None
         published = PUBLISHED
         if given["govern"]:
-            cup = GovernedCup(self._model, given["rate"], self._push)
             period = 1.0 / given["govern"]
+            cup = GovernedCup(self._model, given["rate"], period, self._push)
             self._play_governed = GovernedPlay(self, self._motion, cup, period)
             self._noise = np.random.default_rng(given["seed"])
             published = (*PUBLISHED, COMMANDED)
