@@ -354,5 +354,6 @@ def _settings(
         layout.RATIO: TUNING.governor_ratio, layout.EARLY: TUNING.governor_early,
         layout.LATE: TUNING.governor_late_bump, layout.ENOUGH: TUNING.governor_enough,
         layout.HASTE: TUNING.governor_haste, layout.SPREAD: TUNING.governor_spread,
+        layout.LEAST: TUNING.governor_least * period,
     }  # fmt: skip
     return np.array([values[place] for place in range(layout.SETTINGS)], dtype=np.float64)

@@ -22,6 +22,7 @@ from slosh_plan.governor.layout import (
     KIND,
     LATE,
     LAW,
+    LEAST,
     LONGEST,
     OTHERS,
     PART,
@@ -148,7 +149,11 @@ def candidate(motion, state, stop, settings, plan, wanted, held, first, times, r
 
 @compiled
 def _variant(state, settings, turn):  # type: ignore[no-untyped-def]
-    """Returns a variation of the last good time law; each step tries other variations."""
+    """Returns a variation of the last good time law; each step tries other variations.
+
+    Not shorter than LEAST: a stop of few steps takes all of the jerk even at a low speed, and one
+    that is a little longer takes it, too, with the acceleration of the next step.
+    """
     duration, early, late = state[DURATION], state[BUMP_EARLY], state[BUMP_LATE]
     place, sign = turn % 5, 1.0 if (turn // 5) % 2 == 0 else -1.0
     if place < 2:
@@ -159,7 +164,7 @@ def _variant(state, settings, turn):  # type: ignore[no-untyped-def]
         late += sign * settings[LATE]
     else:
         early, late = 0.0, 0.0
-    return min(max(duration, settings[SHORTEST]), settings[LONGEST]), early, late
+    return min(max(duration, settings[LEAST]), settings[LONGEST]), early, late
 
 
 @compiled

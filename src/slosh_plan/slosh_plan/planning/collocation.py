@@ -93,7 +93,7 @@ class CollocationProblem:
         yaw: of the container [rad].
         counts: intervals of each leg.
         layout: of the states.
-        loose: how the container stands on its tray; None: it is held.
+        loose: how the container stands on its tray, with each liquid; empty: it is held.
 
     Attributes:
         legs: where each leg's unknowns stand; behind them all stands a residual's
@@ -108,7 +108,7 @@ class CollocationProblem:
         yaw: float,
         counts: Sequence[int],
         layout: StateLayout,
-        loose: LooseTerms | None = None,
+        loose: tuple[LooseTerms, ...] = (),
     ) -> None:
         ca = casadi()
 

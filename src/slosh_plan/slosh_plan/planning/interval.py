@@ -97,7 +97,7 @@ class Interval:
         layout: of the states.
         count: intervals of the leg.
         joints: that carry the container; None: its path is given, not theirs.
-        loose: how the container stands on its tray; None: it is held.
+        loose: how the container stands on its tray, with each liquid; empty: it is held.
     """
 
     flows: tuple[Flow, ...]
@@ -105,7 +105,7 @@ class Interval:
     layout: StateLayout
     count: int
     joints: JointDemands | None = None
-    loose: LooseTerms | None = None
+    loose: tuple[LooseTerms, ...] = ()
 
     @property
     def curve(self) -> int:
@@ -228,8 +228,8 @@ class Interval:
             kept += flow.heights(q, limits[0])
             pushed = flow.acceleration(q, felt)
             rates += [q[2], q[3], *pushed]
-            if self.loose is not None and n == 0:
-                kept += self.loose.demands(flow, q, pushed, felt, limits[STANDING])
+            if self.loose:
+                kept += self.loose[n].demands(flow, q, pushed, felt, limits[STANDING])
         return ca.vertcat(*rates), kept
 
     def _felt(self, full: Expression, acceleration: Expression, curve: Expression) -> Expression:

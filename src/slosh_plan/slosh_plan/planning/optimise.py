@@ -97,7 +97,7 @@ class PathSearch:
         yaw: of the container [rad].
         durations: of the legs as far as they are known [s]: the nodes are laid out by them.
         tilting: whether the container may tilt.
-        loose: how the container stands on its tray; None: it is held.
+        loose: how the container stands on its tray, with each liquid; empty: it is held.
 
     Attributes:
         counts: intervals of each leg.
@@ -112,7 +112,7 @@ class PathSearch:
         durations: Sequence[float],
         *,
         tilting: bool = False,
-        loose: LooseTerms | None = None,
+        loose: tuple[LooseTerms, ...] = (),
     ) -> None:
         self.counts = node_counts(durations)
         self.layout = StateLayout(tilting, len(flows))

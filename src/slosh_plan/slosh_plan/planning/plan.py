@@ -56,7 +56,7 @@ class Plan(Shown):
         error: of the model, for which more was kept: the upper ends of the heights' intervals keep
             the limits; None: none was asked for.
         method: 'optimal', or the name of the known law that was scaled.
-        reason: why there is no optimal law, or why it was slowed; empty: there is one.
+        reason: why there is no optimal law; empty: there is one.
         upper: upper ends of the intervals (95 %) of the peak and of the height after the end [m],
             from the error and the covariance of the model's parameters; None: there is neither.
         scaled: the fastest known law.
