@@ -1,4 +1,4 @@
-"""Limits for machines whose straight strokes of the container are not known in advance.
+"""Limits for machines whose axes make straight moves of lengths that are not known in advance.
 
 A gantry or a laboratory robot accelerates, moves at a constant speed and brakes; how long each
 part lasts depends on the protocol. The limits hold for the worst lengths of all parts: a family of
@@ -31,7 +31,7 @@ SLOWEST, FASTEST = 1e-3, 5.0
 
 @dataclass(frozen=True, slots=True)
 class GantryLimits:
-    """Limits of each axis that keep the liquid below its limit, whatever the strokes are.
+    """Limits of each axis's motion that keep the liquid below its height limit in any move.
 
     Attributes:
         acceleration: without a limit of the jerk [m/s²].
@@ -112,7 +112,7 @@ def _largest(height: Callable[[float], float], limit: float, low: float, high: f
 
 
 def _peak(model: Model, acceleration: float, ramp: float, longest: float) -> tuple[float, float]:
-    """Returns the greatest heights of many moves: at any time, and after the end [m].
+    """Returns the greatest wave heights [m] of many moves: at any time, and after the end.
 
     Args:
         model: the model.

@@ -84,7 +84,7 @@ def all_extremes(
 def _heights(
     model: Model, inputs: Sequence[Inputs], modal: Array | None, max_step: float
 ) -> list[Array]:
-    """Computes the heights (N, 2) [m] of each motion; motions of equal start run together."""
+    """Computes the heights (N, 2) [m] of each motion, in batches of equal initial state."""
     groups: dict[float, list[int]] = {}
     for place, motion in enumerate(inputs):
         t = 0.0 if modal is None else float(motion.t[0])

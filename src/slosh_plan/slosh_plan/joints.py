@@ -283,7 +283,7 @@ class Arm(Robot):
             yield q
 
     def _columns(self, joints: Sequence[str]) -> list[tuple[Mover, int]]:
-        """Returns the joints that carry the container, each with its column index."""
+        """Returns the joints that carry the container, each with its column in joint arrays."""
         own = list(joints)
         return [(mover, own.index(mover.joint)) for mover in self._movers if mover.joint in own]
 

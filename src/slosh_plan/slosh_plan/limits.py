@@ -71,7 +71,7 @@ class HeightLimits:
 
     @property
     def height_name(self) -> str:
-        """Name of what limits the height: a limit or the rim, in words."""
+        """Describes in words what the height limit is: a given limit, or the rim."""
         return rim_name(self.rim_distance) if self.at_rim else "limit"
 
     @property

@@ -315,7 +315,7 @@ def check_start(model: Model, state: LiquidState | None, limits: HeightLimits) -
 
 
 def principal_variants(model: Model, width: float = 1.0) -> list[tuple[Model, Model]]:
-    """Returns pairs of models displaced ± along each principal axis of the covariance.
+    """Returns pairs of models with parameters displaced ± along the covariance's principal axes.
 
     Args:
         model: the model; without a covariance there are none.

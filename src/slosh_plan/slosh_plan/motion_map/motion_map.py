@@ -177,7 +177,7 @@ def _approach(
     rows: list[MapRow],
     checked: list[tuple[float, StrokeHeights]],
 ) -> str:
-    """Adds the highest safe speed below an unsafe one, found by bisection.
+    """Finds the highest safe speed below an unsafe one by bisection, and adds it to the map.
 
     Returns:
         in words what exceeds a limit just above it; empty: nothing was tried.

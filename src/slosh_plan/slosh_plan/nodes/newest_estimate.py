@@ -131,7 +131,7 @@ class NewestEstimate:
 
 
 def _check_flags(flags: int) -> None:
-    """Raises SloshEstimatorError if an estimate's flags say that its state is not the liquid's."""
+    """Raises SloshEstimatorError if an estimate's flags mark its liquid state as invalid."""
     unknown = EstimateFlag(flags) & UNKNOWN
     if unknown:
         raise SloshEstimatorError(

@@ -166,7 +166,7 @@ class PlannerNode(PreparedNode):
     def _answer(
         self, request: Any, answer: Any, longest: float, watch: Watch, most: int | None = None
     ) -> None:
-        """Plans a motion and writes success, message and plan, with at most `most` samples."""
+        """Plans a motion and fills the response; the plan has at most `most` samples."""
         self._large.add(max(map(len, plan_messages.points_of(request))))
         try:
             if not self._busy.acquire(blocking=False):

@@ -129,7 +129,7 @@ class RelayNode(PreparedNode):
         )  # fmt: skip
 
     def close(self) -> None:
-        """Ends all waiting; the controller continues its present goal."""
+        """Stops waiting for the controller, which continues its present goal."""
         self._closing.set()
         if hasattr(self, "_server"):
             self._server.destroy()

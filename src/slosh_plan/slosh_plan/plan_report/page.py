@@ -75,7 +75,7 @@ class ChartSeries:
 
 
 def drawn(report: PlanReport) -> list[ShownMotion]:
-    """Returns the motions for the time charts, without those that take much longer."""
+    """Returns the motions to draw over time, without those much longer than the planned one."""
     longest = LONGER * report.scaled.found.motion.duration
     return [one for one in report.motions if one.found.motion.duration <= longest]
 

@@ -154,7 +154,7 @@ class Checker:
 
 
 def _higher(one: CheckedMotion, other: CheckedMotion) -> CheckedMotion:
-    """Raises a motion's upper heights to those of another model where these are higher."""
+    """Raises the upper bounds of a motion's heights to another model's heights, if higher."""
     return replace(
         one,
         upper=max(one.upper, other.peak),

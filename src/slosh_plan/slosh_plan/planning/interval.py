@@ -189,7 +189,7 @@ class Interval:
         return zero, kept
 
     def _parts(self, unknowns: Expression) -> tuple[Expression, list[Expression], Expression, Any]:
-        """Splits the unknowns: time step, end states, controls, the liquid's middle state (SI)."""
+        """Splits an interval's unknowns: time step, end states, controls, middle liquid state."""
         ca = casadi()
 
         layout = self.layout

@@ -198,7 +198,7 @@ def distance_to_rim(model: Model, found: CheckedMotion) -> float:
 
 
 def fastest_law(check: Checker, path: Path, limits: PlanLimits, watch: Watch) -> Scaled:
-    """Returns the fastest known law that keeps the limits.
+    """Returns the fastest standard time law that keeps the limits.
 
     Raises:
         NoSafeMotionError: no known law keeps the limits, however slow.

@@ -178,7 +178,7 @@ class RegionSearch:
     def _solved(
         self, start: Judged, chosen: list[int], new: list[int], asked: PlanLimits
     ) -> Judged | None:
-        """Optimises from a motion; None if no start leads to a solution."""
+        """Optimises a motion for chosen likely models; None if every initial guess fails."""
         order = sorted([*chosen, *new], key=lambda place: -float(start.used[place].max()))
         places = order[: TUNING.robust_liquids]
         others = [self.likely.models[place] for place in places]
@@ -232,7 +232,7 @@ class RegionSearch:
         return waves_of([self.search.check.model, *others], motion)
 
     def far(self, used: Array, chosen: list[int], near: float) -> list[int]:
-        """Returns models that are far above each limit and differ from those already chosen.
+        """Returns models that exceed a limit the most and differ from those already chosen.
 
         Args:
             used: (models, 2) shares of the limits.

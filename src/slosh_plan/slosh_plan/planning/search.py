@@ -81,7 +81,7 @@ class OptimalSearch:
     watch: Watch
 
     def run(self) -> Found:
-        """Returns the best motion, and the reason if it is only a known time law."""
+        """Returns the best motion, and the reason if its time law is only a standard one."""
         best, last = Found(self.scaled.found), "the search found nothing faster"
         if self.over():
             return replace(best, words=self.why_over())
@@ -256,7 +256,7 @@ def lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
 
 
 def guess_of(model: Model, path: Path, start: Scaled, search: PathSearch, factor: float) -> Legs:
-    """Creates the initial guess of an optimisation from a motion with a known time law.
+    """Creates the initial guess of an optimisation from a motion with a standard time law.
 
     Args:
         model: of the liquid.

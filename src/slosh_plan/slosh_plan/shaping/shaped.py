@@ -35,7 +35,7 @@ _BACKWARDS = -1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathCourse:
-    """A motion split into its path and its time laws.
+    """A motion split into its geometric path and the time law of each leg.
 
     Attributes:
         path: the path.
@@ -60,7 +60,7 @@ class PathCourse:
 
 
 def course_of(trajectory: Trajectory) -> PathCourse:
-    """Splits a motion into its path and its time laws.
+    """Splits a motion into its geometric path and the time law of each leg.
 
     >>> from slosh_plan.shaping.filters import Damped, zero_vibration
     >>> t = np.linspace(0.0, 1.0, 1001)
