@@ -1,4 +1,4 @@
-"""Collects a cell's messages and makes its state for controllers outside ROS.
+"""Collects a cell's ROS messages and creates the cell state for controllers outside ROS.
 
 Time is an argument: steady time [s]. Messages are those of slosh_msgs, or objects with the same
 fields. One thread may add messages while another asks for the state.
@@ -95,7 +95,7 @@ class CellView:
                 self._events[COUNTERS[message.source]] += 1
 
     def take_parameters(self, node: str, parameters: Mapping[str, Any]) -> None:
-        """Stores the limits among the settings of a node of the cell; only the monitor has any."""
+        """Stores the height limits if the parameters are those of the monitor node."""
         if node != "monitor":
             return
         limits = MonitorSettings.from_partial(parameters).limits
@@ -132,7 +132,7 @@ class CellView:
 
 
 def _number(value: float, doubtful: object = False) -> Reading:
-    """Returns a number with its quality; an impossible one is unknown."""
+    """Returns a number with its quality; NaN with bad quality if it is impossible."""
     if not abs(value) < _FARTHEST:  # nor is NaN
         return UNKNOWN
     return Reading(float(value), Quality.UNCERTAIN if doubtful else Quality.GOOD)

@@ -75,7 +75,7 @@ PARAMETERS = (
 
 
 class PlcNode(PolledNode):
-    """Node that makes a cell's state of its messages and serves it.
+    """ROS node that creates a cell's state from its messages and serves it to controllers.
 
     Attributes:
         failure: why the servers have ended; empty: they work.
@@ -102,7 +102,7 @@ class PlcNode(PolledNode):
             self.get_logger().info(health.sentence)
 
     def close(self) -> None:
-        """Stops the servers; a broker keeps that the cell is lost."""
+        """Stops the servers; MQTT brokers keep the message that the cell is lost."""
         self._servers.stop()
 
     def _add(self, kind: Any, topic: str, profile: QoSProfile, use: Callable[[Any], None]) -> None:
@@ -151,7 +151,7 @@ class PlcNode(PolledNode):
 
 
 def servers_of(given: Mapping[str, Any], cell: str) -> list[Server]:
-    """Makes the servers that a node's parameters ask for.
+    """Creates the servers that a node's parameters enable.
 
     Args:
         given: the parameters by name.
