@@ -27,7 +27,7 @@ class Ingested(NamedTuple):
 
 
 def ingest(bag: Path, store: FleetStore) -> Ingested:
-    """Stores the motions of a bag; a bag that has not changed since is not read again.
+    """Adds a bag's motions to the fleet store; skips a bag that has not changed since it was read.
 
     It may be interrupted at any moment and repeated: each file of the store appears as a whole,
     and the bag is noted as ingested only after its last file.
@@ -51,7 +51,7 @@ def ingest(bag: Path, store: FleetStore) -> Ingested:
 
 
 def _state(bag: Path) -> str:
-    """Returns a digest of the path, sizes and times of a bag's files: it changes with the bag."""
+    """Returns a digest of the paths, sizes and times of a bag's files, to detect a changed bag."""
     digest = hashlib.sha256()
     for file in bag_files(bag):
         try:

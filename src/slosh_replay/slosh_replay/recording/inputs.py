@@ -205,7 +205,7 @@ class InputReader:
         return [line] if line else []
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores the live node's state after its last message.
+        """Restores the state of the live input reader after the message with this stamp [ns].
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input.

@@ -152,7 +152,7 @@ def _said(reader: BagReader, sources: Sources, wanted: MountingWanted) -> InputS
 
 
 def _own_settings(reader: BagReader, sources: Sources) -> InputSettings:
-    """Returns a sensor's settings: the estimator's if it used it, else from fixed transforms."""
+    """Returns a sensor's mounting settings: the estimator's, or else those of fixed transforms."""
     started = first(sources.starts, "estimator")
     if started is not None and started.parameters.get("input") == sources.kind:
         return reading(reader, sources)
@@ -209,7 +209,7 @@ class _Sensor:
             self._watch.take_motion(*row)
 
     def look(self, *, finished: bool = False) -> None:
-        """Judges motions that have ended."""
+        """Checks the mounting with each motion that has ended since the last call."""
         if self._watch is not None:
             self._watch.look(finished=finished)
 

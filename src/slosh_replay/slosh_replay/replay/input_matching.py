@@ -21,7 +21,7 @@ its first recorded estimate tells with which input that was."""
 
 
 class Decision(NamedTuple):
-    """Decision which of the next recorded inputs the live estimator used.
+    """For the next inputs: whether the live estimator used each, and where it restarted.
 
     Attributes:
         reached: how many inputs it is about.

@@ -1,4 +1,4 @@
-"""Runs the recorded model and its 2D or 3D variant, each linear and nonlinear.
+"""Runs four estimators: the recorded model and its 2D or 3D variant, linear and nonlinear.
 
 Their estimates are interpolated to the stamps of images.
 """
@@ -37,7 +37,7 @@ class ModelSetEstimates(NamedTuple):
 
 
 class ModelSet:
-    """Runs the four model variants in parallel.
+    """Runs estimators with four models in parallel: 2D and 3D, linear and nonlinear.
 
     Args:
         model: container, liquid and effects; the one that was or would be loaded live.

@@ -206,7 +206,7 @@ class ReplayedEstimator:
         self.setting.outputs.begin(self.models.own_names, self.models.model.container.wall)
 
     def _carry(self, change: NodeStart) -> int:
-        """Applies a recorded start's tray; returns the index of a changed place, -1 for all."""
+        """Loads the tray of a recorded start; returns the changed place's index, or -1 for all."""
         tray = tray_of(change) if self._tray is not None else None
         if tray is None or self._tray is None or tray.names != self._tray.names:
             return -1
