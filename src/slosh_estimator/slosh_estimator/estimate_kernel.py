@@ -83,7 +83,7 @@ def new_checks() -> NDArray[np.float64]:
 
 @compiled
 def _heights(store, dt, acceleration, yaw, pose, checks, row, which):  # type: ignore[no-untyped-def]
-    """Advances one model and writes its heights; returns False if it left the physical range."""
+    """Advances one model by an input and stores its heights; returns whether they are physical."""
     column = ANSWERS * which
     runs, modes = records(store)
     run = runs[0]

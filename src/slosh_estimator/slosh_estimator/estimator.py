@@ -217,7 +217,7 @@ class Estimator:
         return self._reading_clock.delay(np.maximum(stamps - first, 0) / 1e9)
 
     def state(self) -> EstimatorState | None:
-        """Returns the complete state, or None before the first sample."""
+        """Returns the complete state of both models, or None before the first sample."""
         if self._last is None or self._first_ns is None:
             return None
         return EstimatorState(
@@ -226,7 +226,7 @@ class Estimator:
         )  # fmt: skip
 
     def take_up(self, state: EstimatorState) -> None:
-        """Restores the state of another estimator that has the same model.
+        """Restores the state that `state` of another estimator with the same model returned.
 
         Raises:
             SloshEstimatorError: the state is one of another model or version; nothing changes.

@@ -156,7 +156,7 @@ def _reach(tau: Any) -> float:
 
 @compiled
 def _change(row: Any, x: float) -> float:
-    """Returns the difference of a polynomial at x from its value at the centre."""
+    """Returns a polynomial's value at x minus its value at the window's centre."""
     total = 0.0
     for k in range(len(row) - 1, 0, -1):
         total = (total + row[k]) * x

@@ -150,7 +150,7 @@ class Sampling:
 
     @property
     def memory(self) -> list[float]:
-        """Returns the state of the rate measurement as numbers."""
+        """Returns the state of the rate measurement as numbers for `take_up`."""
         unused = [math.nan] * (BLOCK - len(self._block))
         return [float(self.interval_ns), float(self._gapped), *map(float, self._block), *unused]
 

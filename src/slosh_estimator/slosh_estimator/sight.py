@@ -62,7 +62,7 @@ not what it is said to be."""
 
 
 def obstacle(measured: float, measured_flags: int, estimate: float, estimate_flags: int) -> str:
-    """Returns why a measurement and an estimate cannot be compared; empty if they can.
+    """Returns why a measured and an estimated height cannot be compared; empty if they can.
 
     Args:
         measured, estimate: heights [m]; NaN: unknown.

@@ -106,7 +106,7 @@ class ContainerCameras:
             camera.monitor.core.reset_accuracy()
 
     def add_tray(self, message: TrayEstimate) -> None:
-        """Compares a tray's estimates with the cameras' heights and publishes the comparisons."""
+        """Passes a tray's estimates to the monitor of each camera; publishes the comparisons."""
         self._counts[topics.TRAY_ESTIMATE] += 1
         for camera in self._cameras.values():
             monitor = camera.monitor
@@ -177,7 +177,7 @@ def container_point(message: TrayEstimate, index: int) -> EstimatePoint:
 
 
 def measured_point(message: FreeSurface) -> MeasuredPoint:
-    """Returns the measured heights and their stamp from a camera node's message."""
+    """Returns the wall heights and the stamp from a camera node's FreeSurface message."""
     surfaces = Surfaces(*(getattr(message, name) for name in Surfaces._fields))
     (wave,), (axis,) = (column.tolist() for column in measured_waves(surfaces))
     return MeasuredPoint(

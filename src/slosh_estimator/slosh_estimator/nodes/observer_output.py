@@ -83,7 +83,7 @@ class ObserverOutput:
         self._watch = CalmWatch(tolerance)
 
     def warning(self) -> str:
-        """Returns in one line that any wave counts as calm; empty if not."""
+        """Returns a warning if the tolerance lets any wave count as calm; else empty."""
         refusal = self._refusal(self._watch.tolerance, 0.0)
         return f"calm_tolerance: {refusal}" if refusal else ""
 

@@ -29,7 +29,7 @@ class Envelope(NamedTuple):
     slowest: float
 
     def bound(self, deviations: float) -> float:
-        """Returns the lower of two upper bounds of the height [m], at a number of deviations.
+        """Returns the lower of two upper bounds of the height [m], a number of sigmas above it.
 
         The worst height has an error along the wave and one across it, which matters where there
         is hardly a wave.

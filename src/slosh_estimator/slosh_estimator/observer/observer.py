@@ -265,7 +265,7 @@ class Observer:
         return Outcome.USED
 
     def _is_another_wave(self, moment: float, points: Array) -> bool:
-        """Resets the wave and fits it to measured points; returns False if they fit no wave."""
+        """Resets the wave and fits it to measured points; returns False if none fits."""
         shown = len(points) >= TUNING.shape_points
         if self._rejected < (TUNING.reopen if shown else TUNING.reopen_unseen):
             return False
