@@ -100,7 +100,7 @@ def _copy(lanes, w, source, target, count):  # type: ignore[no-untyped-def]
 
 @compiled
 def _blend(lanes, w, left, right, share, target):  # type: ignore[no-untyped-def]
-    """Interpolates the inputs of each lane between two samples; `share` is in [0, 1]."""
+    """Interpolates the inputs of each simulation between two samples; `share` is in [0, 1]."""
     for row in range(INPUT_COUNT):
         at = row * LANES
         for k in range(lanes):

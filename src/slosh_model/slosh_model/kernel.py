@@ -334,7 +334,7 @@ def highest_and_azimuth(run, first, height_x, height_y):  # type: ignore[no-unty
 
 @compiled
 def wall_place(azimuth, cornered, reaches, corners):  # type: ignore[no-untyped-def]
-    """Returns the wall position in a direction from the axis, in units of the reaches (c, s).
+    """Returns the wall position in a direction from the axis, relative to the half widths.
 
     Args:
         azimuth: the direction [rad].

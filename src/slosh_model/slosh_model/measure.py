@@ -64,7 +64,7 @@ def measured_heights(
 
 @lru_cache(maxsize=64)
 def _read_with(model: Model) -> tuple[Array, float]:
-    """Returns the effect parameters and the fill height [m] of a model; cached."""
+    """Returns the parameters of a model's measurement effects, and the fill height [m]; cached."""
     parameters = effect_parameters(model)
     parameters.setflags(write=False)
     return parameters, model.mode_constants()[0].container.fill_height
