@@ -41,7 +41,7 @@ def mean_absolute_error(measured: ArrayLike, model: ArrayLike) -> float:
 
 
 def rms_error(measured: ArrayLike, model: ArrayLike) -> float:
-    """Returns the rms difference of two series; over all repetitions TM20's standard error.
+    """Returns the root-mean-square difference of two series, in their unit.
 
     >>> round(rms_error(measured=[0.003, 0.010], model=[0.003, 0.012]), 6)
     0.001414
