@@ -159,7 +159,7 @@ class BagWriter:
             self._register(self._file, name, topic)
 
     def note(self, name: str, value: str) -> None:
-        """Stores a key and value of bag metadata, which later finished files contain."""
+        """Stores a key and value in the bag's metadata, for all files finished later."""
         self._custom[name] = value
         self._has_news = True
 

@@ -299,7 +299,7 @@ def _number(bag: Path) -> int:
 
 
 def _noted_causes(folder: Path) -> frozenset[str]:
-    """Reads the causes of a bag's events from metadata.yaml, without opening the bag."""
+    """Reads from metadata.yaml the causes of the events for which a bag was written."""
     try:
         facts = read_yaml(folder / NAME).value["rosbag2_bagfile_information"]["custom_data"]
         return _causes(str(facts[EVENTS]))
