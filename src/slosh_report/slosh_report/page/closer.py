@@ -78,7 +78,7 @@ def series_element(t: Array, charts: Mapping[str, Sequence[Row]], limit: float |
 
 
 def _kept(t: Array, series: Sequence[Array]) -> NDArray[np.intp]:
-    """Selects the samples to embed: known ones, and only the extremes of long series."""
+    """Selects the samples to embed: finite ones, and only the extremes of long series."""
     known = np.flatnonzero(np.any([np.isfinite(values) for values in series], axis=0))
     if len(known) <= MOST_SAMPLES:
         return known
