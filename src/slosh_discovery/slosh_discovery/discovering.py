@@ -237,7 +237,7 @@ def recorded_model(bag: Path) -> Model:
 
 
 def part(motions: Motions) -> tuple[Motions, Motions]:
-    """Splits motions into fitted ones and held-out ones, every third of each group."""
+    """Splits motions into fitted and held-out ones; every third of each group is held out."""
     met: Counter[str | None] = Counter()
     parts: tuple[list[MeasuredMotion], list[MeasuredMotion]] = [], []
     for motion in motions:

@@ -58,7 +58,7 @@ class Normal:
 def find_campaigns(
     one: Fit, motions: Sequence[PreparedMotion], temperature: float
 ) -> Campaigns | None:
-    """Finds the likeliest grouping of the motions by sensor set-up; None if they need none.
+    """Finds the likeliest grouping of motions by sensor set-up; None if no grouping is needed.
 
     Args:
         one: the best explanation of all motions together.
