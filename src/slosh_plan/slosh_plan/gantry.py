@@ -145,7 +145,7 @@ def _speeds(edges: Array, values: Array) -> tuple[Array, Array]:
 def _moves(
     model: Model, acceleration: float, ramp: float, longest: float
 ) -> Iterator[tuple[Inputs, float]]:
-    """Yields moves of both axes, for a box also of one axis alone, with their end times [s]."""
+    """Yields moves of both axes together (for a box also of one axis), with end times [s]."""
     period = first_period(model)
     # A short push needs more samples.
     step = min(period, max(longest, period * TUNING.gantry_short) * TUNING.gantry_fine)

@@ -23,7 +23,7 @@ PERIODS = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Extremes:
-    """Maximum heights [m] during and after a motion.
+    """Maximum wave heights [m] during and after a motion.
 
     Attributes:
         peak: greatest MSH [m]; infinite where the model has left its range.
@@ -41,7 +41,7 @@ class Extremes:
 
 
 def first_period(model: Model) -> float:
-    """Returns the period of the first mode [s]."""
+    """Returns the period of the first sloshing mode [s]."""
     return 2.0 * math.pi / model.mode_constants()[0].natural_frequency
 
 

@@ -21,7 +21,7 @@ JUMP = 1.5 * np.pi
 
 
 class Link(NamedTuple):
-    """A joint of a chain, with the link behind it.
+    """A joint of a robot's kinematic chain, with the pose of the link that follows.
 
     Attributes:
         joint: whose position it follows, by multiplier · position + offset.

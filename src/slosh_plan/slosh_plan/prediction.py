@@ -82,7 +82,7 @@ class ModelError:
 
 @dataclass(frozen=True, slots=True)
 class ModelAnswer:
-    """Prediction of a motion by one model.
+    """Predicted heights of a motion by one model, linear or nonlinear.
 
     Attributes:
         model: its name.
@@ -104,7 +104,7 @@ class ModelAnswer:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Prediction:
-    """Prediction of the sloshing heights of a motion.
+    """Prediction of the liquid's heights in a motion, with uncertainty and limits.
 
     >>> import slosh
     >>> found = slosh.predict("cup/model.yaml", "move.csv", limit=0.02)

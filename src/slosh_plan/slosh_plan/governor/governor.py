@@ -153,7 +153,7 @@ class Governor:
 
     @property
     def rests(self) -> bool:
-        """Whether the container is at rest."""
+        """Whether the container is at rest: zero velocity and acceleration."""
         return not self._motion[: layout.PLACE].any()
 
     @property

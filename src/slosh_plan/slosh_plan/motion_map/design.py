@@ -63,7 +63,7 @@ class Stroke:
     ratio: float
 
     def cycle(self, speed: float) -> float:
-        """Duration of a cycle [s] at a speed [1/min]."""
+        """Duration of a stroke and the dwell after it [s], at a speed [cycles/min]."""
         return MINUTE / speed
 
     def duration(self, speed: float) -> float:

@@ -25,7 +25,7 @@ MOST = 400
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapRow:
-    """The stroke's time law at one speed of the map.
+    """The stroke's time law at one machine speed of the map.
 
     Attributes:
         speed: of the machine [1/min].

@@ -90,7 +90,7 @@ class GovernorNode(PreparedNode):
         governor_of(self._tray, self._values)
 
     def begin(self) -> None:
-        """Starts the steps of the governor."""
+        """Starts the timer that advances the governor at its fixed rate."""
         self._container = ContainerWatch(self, self._tray, self._on_container)
         self._renew()
         values, stream = self._values, qos.STREAM_OUT

@@ -175,7 +175,7 @@ class JointPlaces:
 
     @property
     def missing(self) -> list[str]:
-        """Names of joints whose position is not known yet."""
+        """Names of the joints whose position was not received yet."""
         return [name for name in self._joints if name not in self._known]
 
     @property

@@ -125,7 +125,7 @@ class NewestEstimate:
         return self._last.get(kind)
 
     def _age(self, message: Any) -> float:
-        """Returns the age of a message [s] by its stamp."""
+        """Returns the age of a message [s]: the present time minus its stamp."""
         now = self._node.get_clock().now().nanoseconds
         return float(now - to_nanoseconds(message.header.stamp)) / SECOND
 

@@ -101,7 +101,7 @@ class PlannerNode(PreparedNode):
             load_telling(progress, module)
 
     def begin(self) -> None:
-        """Starts the service and the action."""
+        """Starts the planning service and the planning action."""
         self._container = ContainerWatch(self, self._tray, self._on_container)
         self._settings.publish(self._container.files)
         self._estimate = NewestEstimate(self)
@@ -125,7 +125,7 @@ class PlannerNode(PreparedNode):
         self._settings.publish(self._container.files, now_ns)
 
     def close(self) -> None:
-        """Stops a running plan and the action."""
+        """Stops a running plan and closes the planning action."""
         self._closing.set()
         if self._busy.acquire(timeout=CLOSING):
             self._busy.release()
@@ -249,7 +249,7 @@ class GoalFeedback:
 
     @property
     def cancelled(self) -> bool:
-        """Whether the client has cancelled the goal."""
+        """Whether the client has cancelled the action goal."""
         return bool(self._goal.is_cancel_requested)
 
 

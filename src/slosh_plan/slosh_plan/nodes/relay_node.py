@@ -116,7 +116,7 @@ class RelayNode(PreparedNode):
             load_telling(progress, module)
 
     def begin(self) -> None:
-        """Starts to accept and relay goals."""
+        """Starts to accept goals of joint trajectories and to relay them."""
         self._container = ContainerWatch(self, self._tray, lambda: None)
         self._settings.publish(self._container.files)
         self._estimate = NewestEstimate(self)

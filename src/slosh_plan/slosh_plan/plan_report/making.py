@@ -21,7 +21,7 @@ PLANNED, PROPOSAL = "planned", "the waypoints’ own times"
 
 
 def make_report(model: Model, plan: Plan, waypoints: Waypoints, subtitle: str = "") -> PlanReport:
-    """Creates the content of a plan's page.
+    """Creates the content of the HTML page about a plan.
 
     Args:
         model: with which it was planned.

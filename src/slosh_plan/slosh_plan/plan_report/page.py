@@ -59,7 +59,7 @@ WIDE_LABELS = 0.8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChartSeries:
-    """Data of a chart over time.
+    """Data of one chart over time: a curve for each motion, and a limit.
 
     Attributes:
         label: of the axis, with the unit.

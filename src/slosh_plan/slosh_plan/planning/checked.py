@@ -99,7 +99,7 @@ def horizon(model: Model) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Checker:
-    """Simulates motions that start from rest.
+    """Simulates planned motions that start with liquid at rest, to check their limits.
 
     Attributes:
         model: the model.
@@ -172,7 +172,7 @@ def _squared(one: CheckedMotion, other: CheckedMotion) -> tuple[float, float]:
 def checked(
     model: Model, motions: Sequence[PlannedMotion], attitude: Array | None
 ) -> list[CheckedMotion]:
-    """Simulates motions that start from rest.
+    """Simulates motions that start with liquid at rest; returns their maximum heights.
 
     Args:
         model: the model.

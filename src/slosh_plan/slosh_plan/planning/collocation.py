@@ -56,7 +56,7 @@ class LegUnknowns:
 
     @property
     def end(self) -> int:
-        """Index after the last unknown of the leg."""
+        """Index after the last unknown of this leg of the path."""
         return int(self.middles[-1, -1]) + 1
 
     @property

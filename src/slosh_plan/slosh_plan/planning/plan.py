@@ -47,7 +47,7 @@ class NoSafeMotionError(SloshPlanError):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Plan(Shown):
-    """A planned motion that keeps every limit.
+    """A planned motion of the container that keeps every limit.
 
     Attributes:
         found: the motion and what it reaches, by simulation at 1 kHz.
@@ -232,7 +232,7 @@ def tilting(model: Model, limits: PlanLimits, path: Path) -> Model:
 
 
 def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:
-    """Returns the limits reduced by the model's error."""
+    """Returns the limits, lowered by the model's measured error."""
     if error is None:
         return limits
     return replace(

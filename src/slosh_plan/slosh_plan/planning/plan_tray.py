@@ -62,7 +62,7 @@ def plan_tray(
     error: ModelError | None = None,
     robust: bool = False,
 ) -> TrayPlan:
-    """Plans for the container with the lowest limit, and again for another one if it is exceeded.
+    """Plans for the container with the lowest limit; plans again if another one exceeds its own.
 
     A plan counts where its simulation keeps the limits of all. Where it exceeds that of another
     container the next plan is made for that one, each time with a limit that is lower by as much

@@ -16,7 +16,7 @@ class StoppedError(SloshPlanError):
 
 @dataclass(frozen=True, slots=True)
 class PlanProgress:
-    """Progress of planning.
+    """Progress of planning: phase, elapsed time and best duration so far.
 
     Attributes:
         phase: what is done now: 'known laws', 'search 1 of 2', …
@@ -34,7 +34,7 @@ def ignored(_: PlanProgress) -> None:
 
 
 def never() -> bool:
-    """Returns False: planning is never stopped."""
+    """Returns False, so that planning is never stopped early."""
     return False
 
 
@@ -63,7 +63,7 @@ class Watch:
         return self._clock() - self._began
 
     def enter(self, phase: str) -> None:
-        """Begins a new phase of planning."""
+        """Records that a new phase of planning begins, and reports the progress."""
         self._phase = phase
         self.stopped()
 

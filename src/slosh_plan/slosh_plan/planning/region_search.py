@@ -31,7 +31,7 @@ HEIGHTS = ("height", "residual")
 
 
 class Judged(NamedTuple):
-    """A motion, simulated with all likely models.
+    """A motion, with its heights in each of the likely models.
 
     Attributes:
         motion: its upper heights are those of all models, with the model's measured error.
@@ -88,7 +88,7 @@ class RegionFound(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RegionSearch:
-    """Searches a motion for all likely models.
+    """Searches the fastest motion that keeps the limits in all likely models.
 
     Attributes:
         search: of the model's own motion, with the limits and the time.
@@ -200,7 +200,7 @@ class RegionSearch:
         asked: PlanLimits,
         factors: Sequence[float],
     ) -> Iterator[tuple[PathSearch, Legs]]:
-        """Yields an optimisation with an initial guess, and others in case that it fails."""
+        """Yields the optimisations to try one after the other, each with an initial guess."""
         problem = self._problem(start.legs, others)
         for factor in factors:
             legs = tuple(leg.slowed(factor) for leg in start.legs)

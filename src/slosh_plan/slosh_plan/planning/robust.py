@@ -57,7 +57,7 @@ class LikelyHeights:
 
 
 class RobustPlan(NamedTuple):
-    """A plan for all likely parameters of the model.
+    """A plan that keeps the limits for all likely parameters of the model.
 
     Attributes:
         plan: the plan.

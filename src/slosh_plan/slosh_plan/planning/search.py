@@ -38,7 +38,7 @@ Legs = tuple[LegGuess, ...]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
-    """Result of one search for an optimal time law.
+    """Result of one search for a path's optimal time law.
 
     Attributes:
         motion: that keeps the limits; None: there is none.
@@ -118,7 +118,7 @@ class OptimalSearch:
     def problem(
         self, durations: Sequence[float], *, tilting: bool, others: Sequence[Model] = ()
     ) -> PathSearch:
-        """Creates the optimisation along the path.
+        """Creates the optimisation of the motion along the path.
 
         Args:
             durations: of the legs, about [s].
@@ -189,11 +189,11 @@ class OptimalSearch:
         return Found(found, tuple(leg.slowed(factor) for leg in legs), slower)
 
     def over(self) -> bool:
-        """Returns whether the search must end."""
+        """Returns whether the search must end: time is used up or a stop is requested."""
         return self.watch.stopped() or self.watch.elapsed >= self.time_limit
 
     def why_over(self) -> str:
-        """Describes why the search must end."""
+        """Describes why the search must end: time limit or stop request."""
         late = self.watch.elapsed >= self.time_limit
         return "the search's time was up" if late else "the search was stopped"
 
@@ -246,7 +246,7 @@ def _tilt_of(legs: Legs, factor: float, t: np.ndarray, yaw: float) -> Tilt:
 
 
 def lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
-    """Reduces the exceeded limits by their excess."""
+    """Lowers each exceeded limit by its relative excess, for the next optimisation."""
     lower = {
         name: getattr(limits, name) / (1.0 + min(share, 1.0)) * (1.0 - TUNING.slack)
         for name, share in excess.items()

@@ -55,7 +55,7 @@ class PathCourse:
         return sum(self.durations)
 
     def motion(self) -> PlannedMotion:
-        """Returns the original motion, sampled at 1 kHz."""
+        """Returns the motion before filtering, sampled at 1 kHz."""
         return _along(self.path, list(self.laws), list(self.durations))
 
 
