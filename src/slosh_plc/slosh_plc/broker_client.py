@@ -29,7 +29,7 @@ BROKER = re.compile(r"(?P<host>\[[0-9a-fA-F:]+\]|[\w.-]+)(:(?P<port>\d{1,5}))?",
 
 @dataclass(frozen=True, slots=True)
 class MqttSettings:
-    """Settings of a publisher to an MQTT broker.
+    """Settings of the connection to an MQTT broker: address, user, TLS files.
 
     Attributes:
         cell: namespace of the cell without the first slash.
@@ -50,7 +50,7 @@ class MqttSettings:
 
     @property
     def address(self) -> str:
-        """Address of the broker as text."""
+        """Address of the broker as text, host and port."""
         return f"{self.host}:{self.port}"
 
 
@@ -63,7 +63,7 @@ def read_settings(
     certificate: str = "",
     private_key: str = "",
 ) -> MqttSettings:
-    """Reads the settings from a node's parameters.
+    """Reads broker address, credentials and TLS files from a node's parameters.
 
     Args:
         cell: namespace of the cell without the first slash.

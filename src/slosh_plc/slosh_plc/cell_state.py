@@ -27,7 +27,7 @@ class Quality(IntEnum):
 
 
 class Kind(Enum):
-    """Data type of a value."""
+    """Data type of a value: boolean, integer, choice or number."""
 
     FLAG = "bool"
     COUNT = "uint32"

@@ -35,7 +35,7 @@ COUNTERS: Mapping[int, str] = {
 
 
 class CellView:
-    """Collects the newest messages of one cell.
+    """Collects the newest messages of one cell for its state.
 
     Args:
         now: steady time of the start [s]; the heartbeat counts from here.
@@ -52,7 +52,7 @@ class CellView:
         self._events: Counter[str] = Counter()
 
     def take_comparison(self, message: Any, now: float) -> None:
-        """Stores a SloshComparison that was received at a steady time [s]."""
+        """Stores a SloshComparison message with its arrival time [s] (monotonic clock)."""
         known = message.state in tuple(Condition)
         condition = Condition(message.state) if known else Condition.BLIND
         doubtful = condition is Condition.BLIND
@@ -72,12 +72,12 @@ class CellView:
             self._compared, self._heard_at = compared, now
 
     def take_fused(self, message: Any, now: float) -> None:
-        """Stores a FusedEstimate that was received at a steady time [s]."""
+        """Stores a FusedEstimate message with its arrival time [s] (monotonic clock)."""
         with self._lock:
             self._fused, self._fused_at = _height(message.msh, not message.trusted, False), now
 
     def take_calm(self, message: Any, now: float) -> None:
-        """Stores a Calm that was received at a steady time [s]."""
+        """Stores a Calm message with its arrival time [s] (monotonic clock)."""
         stale = message.reason == CalmReason.STALE
         unsure = message.reason == CalmReason.UNSURE
         time = _number(message.time_until_calm, unsure)
@@ -89,7 +89,7 @@ class CellView:
             self._calm, self._calm_at = {"calm": is_calm, "time_until_calm": time}, now
 
     def take_event(self, message: Any) -> None:
-        """Counts a LimitEvent that is the start of an excess."""
+        """Counts a LimitEvent message that reports the start of a limit violation."""
         if message.kind == EventKind.START and message.source in COUNTERS:
             with self._lock:
                 self._events[COUNTERS[message.source]] += 1
@@ -111,7 +111,7 @@ class CellView:
             return now - self._heard_at
 
     def state(self, now: float) -> CellState:
-        """Returns the cell's state at a steady time [s].
+        """Returns the cell's state at a time of the monotonic clock [s].
 
         Without a comparison for TUNING.silence all values but the heartbeat have bad quality.
         """

@@ -84,7 +84,7 @@ class ModbusServer:
         """Does nothing, because the server reads the present state at each request."""
 
     async def stop(self) -> None:
-        """Closes the port and all connections."""
+        """Closes the port and the connections of all clients."""
         await self._server.shutdown()
 
     def health(self) -> ServerHealth:

@@ -42,7 +42,7 @@ def unit_number(code: str) -> int:
 
 @dataclass(frozen=True, slots=True)
 class OpcUaSettings:
-    """Settings of an OPC UA server.
+    """Settings of an OPC UA server: address, certificate and trusted clients.
 
     Attributes:
         cell: name of the cell's object, its namespace without the first slash.
@@ -73,7 +73,7 @@ class OpcUaSettings:
 
     @property
     def url(self) -> str:
-        """Address that clients connect to."""
+        """URL that OPC UA clients connect to."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"opc.tcp://{host}:{self.port}/{PATH}"
 
@@ -114,7 +114,7 @@ class OpcUaServer:
             raise SloshPlcError(f"opc_ua_port = {self._settings.port}: {error}") from None
 
     async def update(self, state: CellState) -> None:
-        """Writes all values with their status codes."""
+        """Writes all values of the cell's state with their status codes."""
         now = datetime.now(UTC)
         readings = state.readings()
         for signal in SIGNALS:
@@ -123,7 +123,7 @@ class OpcUaServer:
         self._clients = len(self._server.bserver.clients) if self._server.bserver else 0
 
     async def stop(self) -> None:
-        """Closes all connections and the port."""
+        """Closes the port and the connections of all clients."""
         await self._server.stop()
 
     def health(self) -> ServerHealth:
@@ -149,7 +149,7 @@ class Refused:
         self.sentence = ""
 
     def add(self, certificate: Any, reason: str) -> None:
-        """Counts one refused client under a reason."""
+        """Counts one client that was refused for the given reason."""
         self._count += 1
         who = plain_line(certificate.subject.rfc4514_string())[:LONGEST_NAME]
         self.sentence = f"{self._count} clients refused, the last one, {who}: {reason}"

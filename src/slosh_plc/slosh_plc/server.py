@@ -83,7 +83,7 @@ class ServerThread:
         self._thread.join(TUNING.starting)
 
     def health(self) -> list[ServerHealth]:
-        """Returns the health of each server."""
+        """Returns the state of each server: whether it works, and a sentence."""
         return [server.health() for server in self._servers]
 
     @property
@@ -128,7 +128,7 @@ def _tell_of_errors(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) ->
 
 
 def check_port(name: str, host: str, port: int) -> None:
-    """Checks that a server can listen on a port.
+    """Raises an error if the port is in use, so that no server could listen.
 
     Args:
         name: of the parameter that gives it.
