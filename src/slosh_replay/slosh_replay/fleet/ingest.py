@@ -13,7 +13,7 @@ from slosh_replay.fleet.store import FleetStore
 
 
 class Ingested(NamedTuple):
-    """Result of ingesting one bag.
+    """Result of adding the motions of one bag to the fleet store.
 
     Attributes:
         motions: number of motions in the bag.

@@ -80,7 +80,7 @@ class _Liquid(NamedTuple):
 
 
 def motions_of(path: str | Path) -> list[MotionRow]:
-    """Reads the motions of all cells in a bag.
+    """Reads the motions of all robot cells in a bag, one row for each motion.
 
     Args:
         path: the bag's folder or MCAP file.

@@ -57,7 +57,7 @@ class Parted(NamedTuple):
 
 
 class FleetStore:
-    """Motions of many recordings at one place.
+    """Parquet files of the motions of many recordings, in a folder or remote storage.
 
     Args:
         url: folder, or what fsspec knows, such as s3://bucket/motions.
@@ -158,7 +158,7 @@ class FleetStore:
         return Parted(*(self._dataset(part) if part else None for part in parts))
 
     def _paths(self) -> list[str]:
-        """Returns the paths of all files, sorted.
+        """Returns the paths of all Parquet files of the store, sorted.
 
         Raises:
             SloshBagError: there are none, or the place cannot be read.

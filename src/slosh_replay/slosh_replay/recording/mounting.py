@@ -87,7 +87,7 @@ class MountingCheck(NamedTuple):
 
     @property
     def wrong(self) -> tuple[str, ...]:
-        """What is wrong with the sensor, one clause each."""
+        """Faults of the sensor's mounting, one clause each; empty if none were found."""
         if self.verdict is not None:
             return self.verdict.wrong
         return tuple(doubt for doubt in self.doubts if doubt.wrong)
@@ -186,7 +186,7 @@ class _Sensor:
         self._waiting: list[Any] = []
 
     def take(self, columns: Mapping[str, Any]) -> None:
-        """Adds consecutive messages of the sensor."""
+        """Adds consecutive messages of the sensor to the mounting check."""
         stamps = stamps_of(columns)
         if not len(stamps):
             return

@@ -76,7 +76,7 @@ def recorded_starts(reader: BagReader, found: CellTopics | None = None) -> list[
 def find_sources(
     path: Path, reader: BagReader, kind: str | None = None, cell: str | None = None
 ) -> Sources:
-    """Selects the topics of a bag for a replay.
+    """Selects the topics of a bag that a replay reads or compares with.
 
     Args:
         path: of the bag, for errors.

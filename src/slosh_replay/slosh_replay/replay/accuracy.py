@@ -27,7 +27,7 @@ SAMPLED = 200_000
 
 
 class Judgement(NamedTuple):
-    """Accuracy of the models over the images of a run.
+    """Accuracy of each model over all images of a run.
 
     Attributes:
         models: over the whole run.

@@ -79,7 +79,7 @@ class KnownState:
         self._lag_ns = 0  # by which estimates lie behind the inputs that they are made of
 
     def add(self, states: Sequence[RecordedState]) -> None:
-        """Adds recorded states in recorded order."""
+        """Adds recorded states of the estimator, in recorded order."""
         self._states += states
 
     def follow(self, stamps: Integers, decision: Decision) -> Course:

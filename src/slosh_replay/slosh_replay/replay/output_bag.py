@@ -62,7 +62,7 @@ class OutputBag(Outputs):
         self._names, self._template, self._wall = names, None, wall
 
     def estimates(self, estimates: ModelSetEstimates) -> None:
-        """Writes estimates to the bag."""
+        """Writes estimates as SloshEstimate messages to the bag."""
         own = estimates.own
         if not len(own.stamps):
             return
@@ -93,7 +93,7 @@ class OutputBag(Outputs):
             self._write("comparison", COMPARISON, stamp, fields)
 
     def events(self, events: list[Event]) -> None:
-        """Writes limit events to the bag."""
+        """Writes limit events as LimitEvent messages to the bag."""
         for event in events:
             fields = {
                 "id": event.id, "kind": int(event.kind), "source": int(event.source),

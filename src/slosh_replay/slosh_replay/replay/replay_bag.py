@@ -295,7 +295,7 @@ def _warnings(path: Path, reader: BagReader, sources: Sources) -> list[str]:
 
 
 class TopicBatch(NamedTuple):
-    """Consecutive messages of one topic.
+    """Consecutive messages of one topic, as columns.
 
     Attributes:
         topic: theirs.

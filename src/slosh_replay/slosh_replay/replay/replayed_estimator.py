@@ -98,7 +98,7 @@ class ReplayedEstimator:
         return int(self._inputs[0].stamps[0]) if self._inputs else None
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Adds inputs; returns the estimates that follow from them."""
+        """Adds recorded inputs; returns the estimates computed from the inputs that were used."""
         taken = moment.messages.get(self.setting.reader.kind)
         if taken is not None and len(taken.stamps):
             self._inputs.append(taken)
