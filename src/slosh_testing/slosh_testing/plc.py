@@ -85,7 +85,7 @@ class ServedCell:
 
     @contextmanager
     def serve(self, *servers: Server) -> Iterator[ServerThread]:
-        """Runs servers as long as the context lasts."""
+        """Runs the servers while a `with` block is executed."""
         thread = ServerThread(servers, lambda: self.state)
         thread.start()
         try:

@@ -130,7 +130,7 @@ class RobotNode:
         self.inputs[self.kind].publish(message)
 
     def until(self, condition: Callable[[], object], what: str, *, speak: bool = True) -> None:
-        """Publishes data until a condition is met; fails after a timeout."""
+        """Publishes sensor data until a condition is met; fails after a timeout."""
         deadline = time.monotonic() + PATIENCE
         while not condition():
             assert time.monotonic() < deadline, f"waited in vain for {what}: {self.health}"
@@ -139,7 +139,7 @@ class RobotNode:
             self._executor.spin_once(timeout_sec=0.001)
 
     def for_seconds(self, seconds: float) -> None:
-        """Publishes data for a number of seconds."""
+        """Publishes sensor data for a number of seconds."""
         end = time.monotonic() + seconds
         self.until(lambda: time.monotonic() >= end, "the time")
 
