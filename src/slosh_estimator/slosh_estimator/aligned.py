@@ -55,7 +55,7 @@ class AlignedStreams(Generic[Key]):
         return (key, behind * SECONDS_PER_NS) if stream.moved and late else None
 
     def forget(self) -> None:
-        """Clears all streams."""
+        """Discards the values of all streams."""
         self._streams.clear()
         self._leader = None
 

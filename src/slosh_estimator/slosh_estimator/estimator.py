@@ -421,7 +421,7 @@ def _distance(modes: NDArray[np.void], others: NDArray[np.void]) -> float:
 
 
 class _Batch(NamedTuple):
-    """Storage for the results of `update_many`."""
+    """Arrays for the results of `Estimator.update_many`."""
 
     rows: Array
     flags: Integers

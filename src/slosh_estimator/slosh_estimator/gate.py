@@ -139,7 +139,7 @@ class SampleGate:
         now_ns: int | None = None,
         fault: SampleVerdict | None = None,
     ) -> SampleVerdict:
-        """Accepts or drops one sample.
+        """Decides whether one input sample is used or dropped.
 
         Args:
             stamp_ns: its stamp [ns].

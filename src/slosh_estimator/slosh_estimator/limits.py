@@ -59,7 +59,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Hysteresis:
-    """Conditions under which a limit violation ends.
+    """How far and how long a value must be below its limit before a violation ends.
 
     Attributes:
         release: share of the limit below which the value must fall.
@@ -92,7 +92,7 @@ class LimitChange(NamedTuple):
 
 
 class LimitTracker:
-    """Compares one quantity with one limit.
+    """Compares one height with one limit, and reports start and end of a violation.
 
     Args:
         source: the quantity.
@@ -158,7 +158,7 @@ class LimitTracker:
 
     @property
     def limit_text(self) -> str:
-        """Name and value of the limit, as text."""
+        """Name and value of the limit, as text for messages."""
         return f"{self._name} {1e3 * self.limit:.1f} mm"
 
     def ignores(self, values: Iterable[float]) -> bool:

@@ -120,7 +120,7 @@ class Monitor:
         self._changes: dict[Source, deque[LimitChange]] = {source: deque() for source in Source}
 
     def change_settings(self, settings: MonitorSettings, stamp_ns: int | None = None) -> int:
-        """Changes the limits for values after a stamp.
+        """Changes the height limits for data with later stamps.
 
         Values up to that moment are judged by the old limits, later ones by the new limits,
         whenever they arrive. The other settings apply at once.
@@ -286,7 +286,7 @@ class Monitor:
         return self._trackers[Source.ESTIMATED].can_matter(stamps, heights)
 
     def take_events(self) -> list[Event]:
-        """Returns the limit events since the last call."""
+        """Returns the limit events since the last call, in order."""
         events, self._events = self._events, []
         return events
 
@@ -418,7 +418,7 @@ class Monitor:
             self._events.append(event)
 
     def next_excess(self) -> int:
-        """Returns the number of the next limit violation."""
+        """Counts up and returns the number of the next limit violation."""
         self._excesses += 1
         return self._excesses
 

@@ -31,7 +31,7 @@ _OWN = 8
 
 
 class Twist(NamedTuple):
-    """Velocity of a frame at a stamp.
+    """Linear and angular velocity of a frame at a stamp.
 
     Attributes:
         stamp_ns: the moment [ns].

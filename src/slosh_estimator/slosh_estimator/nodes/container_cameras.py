@@ -101,7 +101,7 @@ class ContainerCameras:
             camera.monitor.change_settings(settings, stamp_ns)
 
     def reset(self) -> None:
-        """Resets the accuracy of all further cameras."""
+        """Resets the accuracy statistics of all further cameras."""
         for camera in self._cameras.values():
             camera.monitor.core.reset_accuracy()
 

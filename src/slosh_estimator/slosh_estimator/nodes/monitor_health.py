@@ -39,7 +39,7 @@ class MonitorHealth:
         self._measured = self._unmatched = 0
 
     def watch(self, core: Monitor) -> None:
-        """Replaces the monitor that is evaluated."""
+        """Sets another Monitor object as the one to evaluate."""
         self._core, self._unmatched = core, 0
 
     def look(self, now_ns: int, measured: int) -> Health:

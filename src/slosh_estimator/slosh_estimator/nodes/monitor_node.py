@@ -378,7 +378,7 @@ class PredictionWatch:
         )
 
     def reset(self) -> None:
-        """Forgets all outcomes of predictions."""
+        """Discards the outcomes of all earlier predictions."""
         self._record.reset()
 
     def judge(self, motion: MotionAgreement) -> None:

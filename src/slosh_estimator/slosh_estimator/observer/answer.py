@@ -51,7 +51,7 @@ def _rows(blocks, heights, size):  # type: ignore[no-untyped-def]
 
 @compiled
 def product(one, matrix, other):  # type: ignore[no-untyped-def]
-    """Returns aᵀ M b; a is mostly zeros."""
+    """Returns the product aᵀ M b of vectors and a matrix; `a` is mostly zeros."""
     total = 0.0
     for i in range(one.shape[0]):
         if one[i] != 0.0:

@@ -156,7 +156,7 @@ class Observer:
         return self._state()
 
     def state(self) -> ObserverState:
-        """Returns the complete state of the observer."""
+        """Returns the complete state of the observer, which `take_up` restores."""
         kept = [self._ring[k % len(self._ring)] for k in range(self._first, self._count)]
         return ObserverState(
             self._newest_ns, self._epoch_ns or 0, self._corrected_ns, self._judged_ns,
