@@ -74,7 +74,7 @@ class CupLengths(TypedDict):
 
 
 class Container(ABC):
-    """Interface of a container, which all models use.
+    """Interface of all container shapes, which the models use.
 
     A new shape is a subclass in a module of its own: defined, it can be named in model.yaml.
     Callers ask its methods; none asks for its class.

@@ -93,11 +93,11 @@ class ReadingClock(NamedTuple):
 
     @property
     def same(self) -> bool:
-        """Whether both clocks show the same time."""
+        """Whether the measurement's clock equals the inputs' clock."""
         return self.offset == 0.0 and self.rate == 0.0
 
     def delay(self, elapsed: Elapsed) -> Elapsed:
-        """Returns the delay of a measurement [s].
+        """Returns by how much a measurement's stamp is later than the measured state [s].
 
         Args:
             elapsed: of the moment, or (N,) of moments, from the motion's start, on the inputs'

@@ -41,7 +41,7 @@ _TRUSTED = (0.6, 1.5)
 
 
 def available() -> bool:
-    """Returns whether scikit-fem is installed."""
+    """Returns whether the optional library scikit-fem is installed."""
     return importlib.util.find_spec("skfem") is not None
 
 
