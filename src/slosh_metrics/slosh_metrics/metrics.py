@@ -105,7 +105,7 @@ class RunningAccuracy:
         self.reset()
 
     def reset(self) -> None:
-        """Resets the statistics."""
+        """Resets the error statistics to those of no data."""
         self.count = 0
         self._absolute_sum = self._squared_sum = 0.0
         self._measured_peak = -math.inf

@@ -106,7 +106,7 @@ class Bins:
         return [_told(self._number, base), float(self._count), *self._sums]
 
     def take_up(self, memory: Sequence[float], base: int) -> None:
-        """Restores a state that `memory` returned."""
+        """Restores the state that `memory` returned."""
         number, count, *sums = memory
         self._number, self._count, self._sums = _heard(number, base), round(count), sums
 
@@ -138,7 +138,7 @@ class Stretch:
 
     @property
     def unbroken(self) -> bool:
-        """Whether all bins since the start belong to one time span of constant values."""
+        """Whether all time bins since the last restart belong to one constant time span."""
         return self._all == self.count
 
     @property
@@ -190,7 +190,7 @@ class Stretch:
         return [*places, *self.mean, *self._one, *self._two, *bends]
 
     def take_up(self, memory: Sequence[float], base: int) -> None:
-        """Restores a state that `memory` returned."""
+        """Restores the state that `memory` returned."""
         start, last, count, total, mx, my, mz, ox, oy, oz, tx, ty, tz, *bends = memory
         self._start, self._last = _heard(start, base), _heard(last, base)
         self.count, self._all, self.mean = round(count), round(total), (mx, my, mz)

@@ -98,7 +98,7 @@ class ConstantFinder:
         return [*own, *self.stretch.memory(base)]
 
     def take_up(self, memory: Sequence[float], base: int) -> None:
-        """Restores a state that `memory` returned."""
+        """Restores the state that `memory` returned."""
         vx, vy, vz, self._time, last, ex, ey, ez, departed, bx, by, bz, *stretch = memory
         self.bias = bx, by, bz
         self._speed = vx, vy, vz

@@ -128,15 +128,15 @@ class Check(ABC):
 
     @abstractmethod
     def _take(self, closed: Bin) -> None:
-        """Evaluates the mean of a completed time bin."""
+        """Checks the mean input of a completed time bin."""
 
     @abstractmethod
     def _remembered(self, base: int) -> list[float]:
-        """Returns the state that a subclass adds; bin numbers are relative to `base`."""
+        """Returns a subclass's state as numbers; time bins are counted from `base`."""
 
     @abstractmethod
     def _remember(self, memory: Sequence[float], base: int) -> None:
-        """Restores the state that a subclass adds."""
+        """Restores the state that `_remembered` of the subclass returned."""
 
 
 class AccelCheck(Check):
