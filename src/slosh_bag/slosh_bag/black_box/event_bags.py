@@ -29,7 +29,7 @@ SHARE: Final = 4
 
 
 class KeptBag(NamedTuple):
-    """A finished event bag that has not been deleted.
+    """A finished event bag that still exists: folder, causes of its events, and size.
 
     Attributes:
         folder: where it is.
@@ -158,7 +158,7 @@ class EventRecorder:
         self.box.add_topic(name, message_type, qos)
 
     def add(self, topic: str, data: bytes, log_ns: int, publish_ns: int | None = None) -> None:
-        """Adds a message; see `BlackBox.add`."""
+        """Adds a serialised message of a registered topic."""
         self._heard[topic] += 1
         self.box.add(topic, data, log_ns, publish_ns)
 

@@ -43,7 +43,7 @@ class BagTypes:
 
     @property
     def learnt(self) -> Typestore:
-        """Type store with all types used so far."""
+        """Type store with the definitions of all message types used so far."""
         return self._typestore
 
     def typestore(self, message_type: str) -> Typestore:

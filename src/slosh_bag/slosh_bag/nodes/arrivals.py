@@ -34,7 +34,7 @@ class Arrivals:
         return waiting[: len(waiting) - len(self._held)]
 
     def rest(self) -> list[Received]:
-        """Returns the messages that are still held back."""
+        """Returns the messages that were held back, in order of arrival."""
         held, self._held = self._held, []
         return held
 

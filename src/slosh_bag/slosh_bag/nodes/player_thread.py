@@ -70,7 +70,7 @@ class PlayerThread:
         self._thread: threading.Thread | None = None
 
     def start(self, subscribers: int, patience: float) -> None:
-        """Starts the publishing thread.
+        """Starts the thread that publishes the messages.
 
         Args:
             subscribers: how many there must be before the first message.
@@ -83,7 +83,7 @@ class PlayerThread:
         self._thread.start()
 
     def stop(self) -> None:
-        """Stops the publishing thread at once."""
+        """Stops the thread that publishes the messages, at once."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join()

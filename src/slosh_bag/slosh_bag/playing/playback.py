@@ -119,7 +119,7 @@ class Playback:
 
     @property
     def length(self) -> float:
-        """Duration of one loop in bag time [s]."""
+        """Duration of the played part of the bag, once through [s]."""
         return (self.last_ns - self.first_ns) / SECOND
 
     def steps(self, messages: Callable[[], Iterable[BagMessage]]) -> Iterator[Step]:
