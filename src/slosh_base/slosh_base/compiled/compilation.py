@@ -170,7 +170,7 @@ class EntryPoint:
 
     @property
     def cached(self) -> bool:
-        """Whether the cache on disk contains the function."""
+        """Whether the cache on disk contains the function's machine code."""
         return self._file().path.exists()
 
     def load(self) -> Function:

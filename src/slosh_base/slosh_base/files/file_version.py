@@ -40,7 +40,7 @@ class RenamedKey(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class FileFormat:
-    """A file format and its versions.
+    """A file format such as model.yaml: name, versions and renamed keys.
 
     Attributes:
         name: usual name of such a file.
