@@ -35,7 +35,7 @@ class SilentTopic:
 
     @property
     def seconds(self) -> float:
-        """Time since the last valid message [s]."""
+        """Time since the last valid message of the topic [s]."""
         return time.monotonic() - self._since
 
     def heard(self) -> None:
