@@ -26,7 +26,7 @@ _TIME_DIGITS, _HEIGHT_DIGITS = 4, 3  # of seconds and millimetres
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A line in an interactive chart.
+    """A line in an interactive chart: name, colour, values and style.
 
     Attributes:
         name: in the chart's key.

@@ -62,7 +62,7 @@ class Script:
 
 
 def script(package: str, name: str) -> Script:
-    """Reads a script from a package's folder.
+    """Reads a JavaScript file from the folder of a package.
 
     Args:
         package: whose folder holds it.

@@ -86,7 +86,7 @@ class Peak:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """Data and results of one recording.
+    """Data and results of one recording in a validation report.
 
     Attributes:
         name: of the recording.
