@@ -276,7 +276,7 @@ class Complaints:
 
 
 class LevelChanges:
-    """Counts images that show a changed liquid level."""
+    """Counts measured images that show a changed liquid level, for a warning."""
 
     def __init__(self) -> None:
         self._changes: list[tuple[float, float]] = []
