@@ -91,7 +91,7 @@ def temperature_of(fit: Fit, motions: Sequence[PreparedMotion]) -> float:
 def residual_temperature(
     residual: Array, parameters: int, motions: Sequence[PreparedMotion]
 ) -> float:
-    """Returns the variance of a residual [noise²] times its correlation length; see `evidence`."""
+    """Returns the variance of a residual [noise²] times its correlation length."""
     count = len(residual) - parameters
     series = residual_series(residual, motions)
     together = correlation_length(series) * columns_together(series)

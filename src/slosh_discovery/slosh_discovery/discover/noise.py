@@ -36,7 +36,7 @@ OVERSAMPLING = 2
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Measurement noise of heights.
+    """Standard deviation of measured heights, with its source and uncertainty.
 
     Attributes:
         stddev: of one sample [m], positive.

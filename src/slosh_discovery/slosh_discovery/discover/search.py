@@ -88,7 +88,7 @@ class Pool:
 
 @dataclass(frozen=True, slots=True)
 class Leftover:
-    """The correlated part of a fit's residual.
+    """The part of a fit's residual that is correlated and thus no white noise.
 
     Attributes:
         mean_square: its mean square, in squares of the noise.
@@ -280,7 +280,7 @@ class Search:
         return list(self._executor.map(run, chosen))
 
     def _starts(self, one: Fit, name: str) -> tuple[list[Start], bool]:
-        """Returns one more effect's initial values, and whether it changes the heights."""
+        """Returns one more effect's initial values, and whether the effect changes the heights."""
         found, visible = [], False
         offsets = np.array(one.clock_offsets)
         carried = _carried(one)

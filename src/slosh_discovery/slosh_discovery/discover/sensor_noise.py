@@ -58,7 +58,7 @@ class SensorNoise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leftovers:
-    """Residual of a model for one motion.
+    """Residuals of a model for one motion, measured minus predicted heights.
 
     Attributes:
         motion: the motion.

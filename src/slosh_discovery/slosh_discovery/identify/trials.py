@@ -193,7 +193,7 @@ def _rise_rows(inputs: Inputs) -> tuple[int, int] | None:
 
 
 def _distinct(points: Sequence[OperatingPoint]) -> tuple[OperatingPoint, ...]:
-    """Returns the operating points with unique labels."""
+    """Returns the operating points, with labels changed where equal."""
     labels = [point.label for point in points]
     return tuple(
         OperatingPoint(
