@@ -108,7 +108,7 @@ class CupRenderer:
         return self._exposed(self._paint(sh_x, sh_y)[0])
 
     def render_colour(self, sh_x: float, sh_y: float) -> ColourImage:
-        """Renders the scene of `render` in colour, with the same grey levels.
+        """Renders the same scene as `render`, in colour and with equal grey levels.
 
         Returns:
             (height, width, 3) uint8, blue, green, red.

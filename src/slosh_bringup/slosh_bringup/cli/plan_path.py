@@ -25,7 +25,7 @@ from slosh_plan.tables.path_table import read_path_table
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AskedPath:
-    """The path to be planned, from the command line.
+    """The path to be planned, as given on the command line.
 
     Attributes:
         name: where it comes from.

@@ -296,7 +296,7 @@ def _mm(metres: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class StatedBag:
-    """A bag to replay and its entry in a manifest.
+    """A bag to replay, with its expected results from a manifest.
 
     Attributes:
         path: folder or file.
