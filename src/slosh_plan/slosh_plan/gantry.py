@@ -51,7 +51,7 @@ class GantryLimits:
 def gantry_limits(
     model: Model, limits: HeightLimits, machine_acceleration: float | None = None
 ) -> GantryLimits:
-    """Finds the limits of a machine's axes, of which two may move at once.
+    """Finds acceleration and speed limits of a machine's axes, two of which may move at once.
 
     Args:
         model: of the container and its liquid; its nonlinear twin answers.

@@ -196,7 +196,7 @@ class GovernorNode(PreparedNode):
         return bool(core.rests and apart > TUNING.governor_moved)
 
     def _on_container(self) -> None:
-        """Stops the motion; the governor for the next containers starts at rest."""
+        """After a change of the container, stops; a new governor then starts at rest."""
         self._waits = True
         if self._core is not None:
             self._core.stop()

@@ -44,11 +44,13 @@ PARAMETERS = (
         "model", "", "model.yaml of the container and its liquid, or tray.yaml of several"
     ),
     ParameterSpec(
-        "time_limit", TIME_LIMIT, "time limit of an action's search, if its goal has none [s]",
+        "time_limit", TIME_LIMIT,
+        "longest search of the planning action, if its goal states none [s]",
         (0.1, LONGEST),
     ),
     ParameterSpec(
-        "service_time_limit", 5.0, "time limit of the service, until its reply [s]", (0.1, 60.0)
+        "service_time_limit", 5.0,
+        "longest time until the planning service replies [s]", (0.1, 60.0)
     ),
     ParameterSpec(
         "robust", False,

@@ -238,7 +238,7 @@ class RelayNode(PreparedNode):
         return future.result()
 
     def _gone(self) -> Callable[[], bool]:
-        """Returns a function that returns whether the controller has been away for too long."""
+        """Returns a function that tells whether the controller has been away for too long."""
         seen = [time.monotonic()]
 
         def look() -> bool:

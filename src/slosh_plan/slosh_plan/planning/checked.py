@@ -149,7 +149,7 @@ class Checker:
         return standing_use(self.model, standing, inputs, np.array(place))._asdict()
 
     def glance(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
-        """Simulates motions without parameter uncertainty, as a lower bound."""
+        """Simulates motions without parameter uncertainty, as quick lower bound of heights."""
         return replace(self, model=replace(self.model, covariance=None))(motions)
 
 

@@ -59,7 +59,7 @@ class StateLayout:
 
     @property
     def size(self) -> int:
-        """Number of entries of the state."""
+        """Number of entries of a node's state vector."""
         return CHAIN * self.driven + self.waves
 
     @property
@@ -233,7 +233,7 @@ class Interval:
         return ca.vertcat(*rates), kept
 
     def _felt(self, full: Expression, acceleration: Expression, curve: Expression) -> Expression:
-        """Returns the acceleration of the liquid in container axes, with gravity if it tilts."""
+        """Returns the liquid's acceleration in container axes, with gravity if tilt is allowed."""
         ca = casadi()
 
         if self.joints is not None:

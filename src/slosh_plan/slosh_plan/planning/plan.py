@@ -129,7 +129,7 @@ def plan(
     watch: Watch | None = None,
     loose: LooseContainer | None = None,
 ) -> Plan:
-    """Plans a motion from rest to rest, for liquid at rest.
+    """Plans the fastest rest-to-rest motion along a path within limits, for liquid at rest.
 
     Args:
         model: the model; the search knows its first mode, the check all of it. Where the
@@ -241,7 +241,7 @@ def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:
 
 
 def _upper(check: Checker, motion: PlannedMotion) -> tuple[float, float] | None:
-    """Returns upper ends of peak and residual height [m]; None if their uncertainty is unknown."""
+    """Returns upper ends of the 95 % intervals of peak and residual height [m], or None."""
     model = check.model
     if model.covariance is None:
         return None

@@ -114,7 +114,7 @@ class RegionSearch:
         return Judged(raised, heights, upper / [limits.height, limits.residual], legs)
 
     def run(self, motion: CheckedMotion, legs: Legs) -> RegionFound:
-        """Searches from the motion for the model's own parameters.
+        """Searches the motion, starting from the motion for the model's own parameters.
 
         Args:
             motion: that one.

@@ -285,7 +285,7 @@ def guess_of(model: Model, path: Path, start: Scaled, search: PathSearch, factor
 
 
 def waves_of(models: Sequence[Model], motion: PlannedMotion) -> Callable[[Array], Array]:
-    """Simulates a motion; returns a function of time with the first mode of each model."""
+    """Simulates a motion; returns the first mode's state in each model as function of time."""
     turned = attitudes(motion, None, len(motion.t))
     inputs = Inputs(motion.t, motion.acceleration, turned)
     modal = np.hstack([first_mode(model, simulate(model, inputs)[0].modal) for model in models])
