@@ -52,11 +52,11 @@ PARAMETERS = (
     ParameterSpec("private_key", "", "private key of the certificate, PEM or DER"),
     ParameterSpec(
         "trusted_clients", "",
-        "folder with the certificates of the OPC UA clients that are let in; empty: all clients",
+        "folder with the certificates of the OPC UA clients that may connect; empty: all",
     ),
     ParameterSpec("modbus_port", 0, "port of Modbus TCP, usually 502; 0: no Modbus", (0, 65535)),
     ParameterSpec("mqtt_broker", "", "MQTT broker, HOST or HOST:PORT; empty: no MQTT"),
-    ParameterSpec("mqtt_user", "", "user of the MQTT broker; empty: none"),
+    ParameterSpec("mqtt_user", "", "user name for the MQTT broker; empty: none"),
     ParameterSpec("mqtt_password_file", "", "file whose first line is that user's password"),
     ParameterSpec(
         "mqtt_authority", "",
@@ -68,8 +68,8 @@ PARAMETERS = (
     ParameterSpec("mqtt_private_key", "", "PEM file of the private key of mqtt_certificate"),
     ParameterSpec(
         "sparkplug_group", "",
-        "group of the Sparkplug B edge node that is published beside the JSON document; empty: "
-        "no Sparkplug",
+        "group of a Sparkplug B edge node that is published in addition to the JSON document; "
+        "empty: no Sparkplug",
     ),
 )  # fmt: skip
 
