@@ -202,7 +202,7 @@ class _Sensor:
             self._watch.take_sensor(stamp, force, rate)
 
     def take_motion(self, *row: Any) -> None:
-        """Adds a sample of the container's motion; see `MountingWatch.take_motion`."""
+        """Adds a sample of the container's motion to the mounting check."""
         if self._watch is None:
             self._waiting.append(row)
         else:

@@ -103,7 +103,7 @@ def node_table(
 
 
 def _force_node(surface: str) -> ReplayedNode:
-    """Returns the sensor node, which publishes heights from a force on a topic."""
+    """Returns the table row of the sensor node, which computes heights from a force."""
     return ReplayedNode(
         "sensor",
         ReplayedForce,
