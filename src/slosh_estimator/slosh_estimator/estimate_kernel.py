@@ -169,7 +169,7 @@ def _take(linear, nonlinear, store, dt, acceleration, yaw, pose, first, row):  #
 def step(  # type: ignore[no-untyped-def]
     linear, nonlinear, checks, row, poses, dt, ax, ay, az, yaw, first
 ):
-    """Advances linear and nonlinear model by one input sample and writes the results.
+    """Advances linear and nonlinear model by one input sample; stores heights and flags.
 
     Args:
         linear, nonlinear: each model's store, as `slosh_model.layout` has it; changed.

@@ -384,7 +384,7 @@ class Estimator:
         return self._pose
 
     def _diverged(self, sample: Sample) -> int:
-        """Restarts from rest where the model left its physical range; returns the flag for it."""
+        """Restarts from rest after the model left its physical range; returns the flag set."""
         self.divergences += 1
         self._restart(sample.stamp_ns)
         self._step(0.0, sample, True)

@@ -125,7 +125,7 @@ class ClockWatch:
         self._began_ns = 0
 
     def look(self, steady_ns: int, clock_ns: int) -> str:
-        """Returns a line if the clock has stopped, else an empty text; call it often.
+        """Returns a warning line if the clock has stopped, else an empty text; call this often.
 
         Args:
             steady_ns: elapsed time [ns].

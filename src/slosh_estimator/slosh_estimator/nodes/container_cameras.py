@@ -73,7 +73,7 @@ class ContainerCameras:
             )  # fmt: skip
 
     def carry(self, tray: Tray | None, stamp_ns: int, settings: MonitorSettings) -> None:
-        """Replaces the containers of the tray from a stamp [ns] on; None if there is no tray."""
+        """Replaces the tray's containers from a stamp [ns] on; None means that no tray is held."""
         self._complaint = ""
         for name in self._names:
             try:
