@@ -261,7 +261,7 @@ def step(store, dt, ax, ay, az):  # type: ignore[no-untyped-def]
 def advance_many(  # type: ignore[no-untyped-def]
     store, intervals, inputs, yaws, poses, history, heights
 ):
-    """Runs `advance` for many inputs.
+    """Integrates all modes over many inputs in place; see `advance`.
 
     Args:
         store: the model, as `layout.records` divides it; changed.

@@ -87,7 +87,7 @@ def place_at_corners(azimuth, corners, count, reach_x, reach_y):  # type: ignore
 
 @entry_point(void(GIVEN_2, GIVEN_1, GIVEN_2, CHANGED_1, CHANGED_1))
 def highest_of_many(corners, reaches, heights, maximum, azimuth):  # type: ignore[no-untyped-def]
-    """Computes maximum heights and their azimuths.
+    """Computes maximum wall heights [m] and azimuths [rad] of many plane surfaces.
 
     Args:
         corners: (K, 2) of the wall.
