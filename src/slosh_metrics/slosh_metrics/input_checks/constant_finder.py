@@ -38,7 +38,7 @@ class ConstantFinder:
         self._speed, self._time, self._last = _ZERO, 0.0, -(2**62)
 
     def take(self, number: int, mean: Vector, felt: Vector | None = None) -> Vector | None:
-        """Adds a bin; returns the constant acceleration at rest, or None if unknown.
+        """Adds a time bin; returns the constant acceleration at rest, or None if it is unknown.
 
         Args:
             number: of the bin.

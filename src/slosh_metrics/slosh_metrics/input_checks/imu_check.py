@@ -141,7 +141,7 @@ class ImuCheck(Check):
         self._up = self._stood = _unit(force)
 
     def _is_honest(self, force: Vector) -> bool:
-        """Returns whether a specific force that is not -g along z at rest may still be correct.
+        """Returns whether a specific force that differs from an upright rest may still be correct.
 
         A container that was upright, or that has been turned by its rates, may stand or move
         tilted. What is left of the force beside gravity as it was turned accelerates it.

@@ -90,7 +90,7 @@ class Check(ABC):
         self._bins = Bins(self.WIDTH)
 
     def memory(self, stamp_ns: int) -> list[float]:
-        """Returns the state after the sample with this stamp [ns]."""
+        """Returns the check's state as numbers, after the sample with this stamp [ns]."""
         base = stamp_ns // BIN_NS
         cause = [float(self._cause.kind), *self._cause.vector]
         return [*cause, *self._bins.memory(base), *self._remembered(base)]
