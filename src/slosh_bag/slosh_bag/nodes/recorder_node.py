@@ -85,7 +85,7 @@ PARAMETERS = (
     ParameterSpec(
         "mode",
         COMPLETE,
-        "complete: one bag of everything; events: a bag in output for the time around each",
+        "complete: one bag of all messages; events: one bag for the time around each event",
         choices=(COMPLETE, EVENTS),
     ),
     ParameterSpec(

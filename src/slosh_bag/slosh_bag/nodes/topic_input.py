@@ -225,7 +225,7 @@ class SequenceGaps:
         self._last: list[int] = []  # of each publisher
 
     def take(self, number: int | None, publishers: int = 1) -> None:
-        """Processes the sequence number of a received message.
+        """Counts the messages that are missing before a received sequence number.
 
         Args:
             number: None: the middleware gives none.
