@@ -71,7 +71,7 @@ class SignedFile:
 
 @dataclass(frozen=True, slots=True)
 class Peak:
-    """The greatest measured height of a span, with its uncertainty.
+    """The greatest measured height of a time span, with its uncertainty.
 
     Attributes:
         height: [m]; NaN: nothing was measured.
