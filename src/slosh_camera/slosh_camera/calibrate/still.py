@@ -344,7 +344,7 @@ def _straight_pixel(pixel: tuple[float, float], camera: PinholeCamera) -> tuple[
 
 
 def _worth_a_fit(rough: list[PlaceFit]) -> list[PlaceFit]:
-    """Returns the best coarse fits, and the one with the nearest container."""
+    """Returns the candidates for the final fit: the best coarse fits and the nearest container."""
     if not rough:
         return []
     best = rough[: TUNING.fine_fits]
