@@ -99,7 +99,7 @@ def residual_temperature(
 
 
 def columns_together(series: Sequence[Array]) -> float:
-    """Returns how many azimuths vary together; 1 for white noise or a single azimuth.
+    """Returns how many azimuths have correlated residuals; 1 for white noise or one azimuth.
 
     K (tr C²)/(tr C)² with the columns' covariance C, averaged over motions with as many columns.
     """

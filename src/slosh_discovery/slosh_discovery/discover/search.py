@@ -40,7 +40,7 @@ FORETOLD = tuple(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Start:
-    """Initial values of a fit, and the improvement expected from it."""
+    """Initial values of a fit, and the improvement that is expected from the fit."""
 
     explanation: Explanation
     vector: Array
