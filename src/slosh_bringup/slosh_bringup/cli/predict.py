@@ -107,7 +107,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     old_name(parser, mae, "--sigma")
     parser.add_argument(
         "--epsilon", type=FRACTION, default=0.0, metavar="E",
-        help="relative error of the model's maximum height, as a fraction (default 0)",
+        help="relative error of the model's maximum height, as reported by slosh replay; "
+        "widens the 95 %% interval of the heights (default 0)",
     )  # fmt: skip
     parser.add_argument(
         "--urdf", type=Path, metavar="FILE",
