@@ -47,7 +47,7 @@ def test_a_case_is_answered_rightly(kind, index, effect, dirt):
 
 
 def test_the_noise_of_a_dirty_case_with_an_unknown_zero_is_measured():
-    """Above the liquid's band its heights tell of ever slower a noise, which is not there below.
+    """Tests noise estimation with correlated noise that lies mostly above the liquid's band.
 
     Taken for that, noise and jitter made a model that lacks nothing `unexplained`.
     """

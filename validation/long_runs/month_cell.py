@@ -50,7 +50,7 @@ class Clock:
         self.set(0)
 
     def set(self, ago: int) -> None:
-        """Sets the day, as a number of days before today; running processes see it at once."""
+        """Sets by how many days the clock is behind; running processes see it at once."""
         self.ago = ago
         with self._file.open("r+b") as mapped:
             mapped.write(struct.pack("=q", -round(DAY) * ago))

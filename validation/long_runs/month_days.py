@@ -69,7 +69,7 @@ class Day:
 
 
 def days_of(count: int) -> list[Day]:
-    """Returns the days of a month; each fifth without trouble records events only."""
+    """Returns the plan of all days; every fifth day without a failure records only events."""
     found = []
     for number in range(1, count + 1):
         troubles = tuple(

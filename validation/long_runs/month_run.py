@@ -104,7 +104,7 @@ class Month:
     def _act(
         self, trouble: Trouble, shift: Shift, cell: LiveProcess
     ) -> tuple[LiveProcess, Path | None]:
-        """Makes a trouble; returns the cell that runs then, and what fills the disk."""
+        """Causes a failure; returns the cell that runs then, and the file that fills the disk."""
         if trouble is Trouble.BROKER_LOST:
             self._broker.__exit__()
             self.deaf.append(Outage(time.time(), float("inf")))
@@ -146,7 +146,7 @@ class Month:
         time.sleep(max(moment - time.time(), 0.0))
 
     def _file(self, shift: Shift, before: set[Path]) -> None:
-        """Dates the day's files and reads what they tell; ingests the bags of a killed cell."""
+        """Sets the day's file times, reads its messages, ingests the bags of a killed cell."""
         runs = [path for path in self.site.run_folders() if path not in before]
         for run in runs:
             self.site.clock.date_files(run)
@@ -162,7 +162,7 @@ class Month:
             shift.words += done.stdout + done.stderr
 
     def _look_at_store(self) -> None:
-        """Notes what retention has deleted at a day's start, and the size of the rest."""
+        """Records the bags that retention deleted at a day's start, and the remaining size."""
         now = self.site.clock.now()
         deadline = time.monotonic() + PATIENCE
         while True:
