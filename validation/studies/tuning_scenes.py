@@ -116,8 +116,9 @@ def drawn() -> dict[str, Scene]:
 
 def traced() -> dict[str, Scene]:
     """Returns scenes with ray-traced side views, one of them torn."""
-    from side_view_scene import draw, still
     from side_view_tables import CASES, random_liquid
+
+    from slosh_testing.side_view_scene import draw, still
 
     generator, scenes = np.random.default_rng(11), {}
     for name, (setup, look) in CASES.items():

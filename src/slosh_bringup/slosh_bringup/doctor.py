@@ -124,8 +124,10 @@ def workspace() -> DoctorFinding:
 def discovery() -> DoctorFinding:
     """Checks which hosts can discover this machine's topics."""
     network = importlib.import_module("slosh_msgs_py.node.network")
-    reach = network.network_environment(os.environ)[network.RANGE]
-    who = "this machine only" if reach in network.ALONE else "every network: see docs/security.md"
+    who = "this machine only"
+    if not network.is_local(os.environ):
+        who = "every network: see docs/security.md"
+    reach = os.environ.get(network.RANGE) or "LOCALHOST"
     domain = os.environ.get("ROS_DOMAIN_ID", "0")
     return DoctorFinding("discovery", True, f"range {reach}, {who}; domain {domain}")
 
