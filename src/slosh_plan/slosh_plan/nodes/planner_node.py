@@ -122,7 +122,7 @@ class PlannerNode(PreparedNode):
         )  # fmt: skip
 
     def _on_container(self) -> None:
-        """Applies a change of the container to the next requests."""
+        """Uses a changed container for all later planning requests."""
         now_ns = int(self.get_clock().now().nanoseconds)
         self._settings.publish(self._container.files, now_ns)
 

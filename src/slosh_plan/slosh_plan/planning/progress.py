@@ -39,7 +39,7 @@ def never() -> bool:
 
 
 class Watch:
-    """Reports the progress of planning, and checks whether to stop.
+    """Reports the progress of planning to the caller, and asks whether to stop.
 
     Args:
         progress: is told at every phase, every candidate and every iteration of a search.
