@@ -161,7 +161,7 @@ class CellTopics:
         return min(found, key=lambda topic: (_namespace(topic) != self._home, topic), default=None)
 
     def settle(self, topic: str) -> None:
-        """Selects the cell by the namespace of a topic, if none is selected yet."""
+        """Selects the cell of a topic, by its namespace, if no cell is selected yet."""
         if self._home is None:
             self._home = _namespace(topic)
 
