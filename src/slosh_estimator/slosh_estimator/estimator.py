@@ -319,7 +319,7 @@ class Estimator:
         )  # fmt: skip
 
     def _take(self, sample: Sample) -> int:
-        """Processes a sample, stores results in the output row, returns its validity flags."""
+        """Computes a sample, stores the results in the output row, returns the validity flags."""
         flags = 0
         last = self._last
         if sample.restarted and last is not None:

@@ -401,7 +401,7 @@ class Monitor:
         return estimated if clocks_apart(measured, estimated) else max(measured, estimated)
 
     def _change_limit(self, source: Source, stamp_ns: int) -> None:
-        """Applies the limit changes that are valid at a stamp [ns]."""
+        """Applies those changes of limits that are valid at a stamp [ns]."""
         changes = self._changes[source]
         while changes and changes[0].stamp_ns < stamp_ns:
             event = self._trackers[source].change(*changes.popleft())
@@ -535,7 +535,7 @@ class Monitor:
         )
 
     def _judge(self, measured: MeasuredPoint, expected: Expected) -> None:
-        """Adds two heights to the accuracy; skips a measured lower bound below the estimate."""
+        """Adds a pair of heights to the accuracy; skips a lower bound below the estimate."""
         linear, nonlinear, _, wave = expected
         bound = bool(measured.flags & SATURATED)
         if not (bound and measured.msh <= nonlinear):

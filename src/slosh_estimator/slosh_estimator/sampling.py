@@ -92,7 +92,7 @@ class Sampling:
         self._muted = True
 
     def carry(self, modes: Modes) -> None:
-        """Sets the sloshing modes of the model in use."""
+        """Sets the sloshing modes which the input must represent, when the model changes."""
         self.modes = modes
         self._judge()
 

@@ -98,7 +98,7 @@ def measured(  # type: ignore[no-untyped-def]
     points,
     mean,
 ):
-    """Updates the covariance by a measurement and writes the correction of the mean.
+    """Updates the covariance by a measurement and computes the correction of the state.
 
     Args:
         elapsed: since the measurement before [s]: errors of images that follow each other closely

@@ -141,7 +141,7 @@ def follow(  # type: ignore[no-untyped-def]
 def read(  # type: ignore[no-untyped-def]
     store, blocks, ring, count, covariance, averages, errors, out
 ):
-    """Writes height, standard deviations and envelope of the wave at the newest input.
+    """Computes height, standard deviations and envelope of the wave at the newest input.
 
     Args:
         store, blocks, ring: as in `follow`.

@@ -118,7 +118,7 @@ def averaged(run, averages, time, dt):  # type: ignore[no-untyped-def]
 
 @compiled
 def take_constants(store, blocks):  # type: ignore[no-untyped-def]
-    """Writes frequency, damping and height gain of each mode axis."""
+    """Copies frequency, damping and height gain of each mode and axis to the filter."""
     runs, modes = records(store)
     run = runs[0]
     for n in range(modes.shape[0]):
