@@ -326,7 +326,7 @@ def _add_static_heights(lanes, w):  # type: ignore[no-untyped-def]
 
 @compiled
 def _finish_sample(lanes, w, answers, j):  # type: ignore[no-untyped-def]
-    """Stores wall heights and rotation angle, and prepares the next sample."""
+    """Stores a sample's wall heights and rotation angles; resets the heights for the next one."""
     at = j * _ANSWERS
     for k in range(lanes):
         answers[at + k], answers[at + LANES + k] = w[HEIGHTS + k], w[HEIGHTS + LANES + k]

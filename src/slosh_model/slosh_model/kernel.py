@@ -134,7 +134,7 @@ def _hold(run, inputs):  # type: ignore[no-untyped-def]
 
 @compiled
 def _settle(run, modes, pose):  # type: ignore[no-untyped-def]
-    """Sets the liquid to its rest position for the pose of the first sample.
+    """Sets the liquid to rest in the attitude of the container at the first sample.
 
     That is the origin but for a container that is tilted. The container stands: whatever it does
     in the first sample begins there. By fixed-point iteration: each turn goes to where the linear
