@@ -57,7 +57,7 @@ class MotionFinder:
         return self._spans
 
     def add(self, stamps: Integers, accelerations: Array, turning: Array | None = None) -> None:
-        """Adds accelerations, with angular velocities if they are known.
+        """Adds accelerations (and angular velocities if known) to the search for motions.
 
         Args:
             stamps: (N,) increasing [ns].

@@ -71,7 +71,7 @@ class ConstantFinder:
         return constant if self._is_no_acceleration(constant) else None
 
     def adopt(self, constant: Vector) -> None:
-        """Sets a constant as the bias of the input, which is then subtracted."""
+        """Takes a constant acceleration as the input's bias, which is then subtracted."""
         self._earlier, self._departed, self.bias = None, False, constant
         self._speed, self._time = _ZERO, 0.0
 

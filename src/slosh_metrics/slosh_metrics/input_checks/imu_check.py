@@ -63,7 +63,7 @@ class ImuCheck(Check):
         *,
         restarted: bool = False,
     ) -> bool:
-        """Adds a sample; returns whether the input is doubtful.
+        """Adds a sample to the check; returns whether the input is doubtful so far.
 
         Args:
             stamp_ns: the moment [ns].

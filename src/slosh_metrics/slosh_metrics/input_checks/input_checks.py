@@ -149,7 +149,7 @@ class AccelCheck(Check):
         self._finder = ConstantFinder()
 
     def add(self, stamp_ns: int, acceleration: Vector, *, restarted: bool = False) -> bool:
-        """Adds an acceleration [m/s²]; returns whether the input is doubtful."""
+        """Adds an acceleration [m/s²] to the check; returns whether the input is doubtful."""
         if restarted:
             self._restart()
         self.faults.take(stamp_ns, acceleration)
@@ -161,7 +161,7 @@ class AccelCheck(Check):
     def add_many(
         self, stamps: Integers, accelerations: Array, restarted: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
-        """Adds accelerations; returns which of them (N,) are doubtful.
+        """Adds accelerations to the check; returns at which of them (N,) the input is doubtful.
 
         Args:
             stamps: (N,) [ns].
@@ -233,7 +233,7 @@ class PoseCheck(Check):
         *,
         restarted: bool = False,
     ) -> bool:
-        """Adds a pose of the container [m]; returns whether the input is doubtful."""
+        """Adds a pose of the container to the check; returns whether the input is doubtful."""
         if restarted:
             self._restart()
         x, y, z, w = quaternion

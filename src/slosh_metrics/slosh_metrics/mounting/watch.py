@@ -97,7 +97,7 @@ class MountingWatch:
             self._moved = stamp_ns
 
     def look(self, *, finished: bool = False) -> bool:
-        """Judges the mounting after a motion has ended; returns whether one has.
+        """Judges the mounting if a motion has ended since the last call; returns whether one has.
 
         Args:
             finished: whether nothing more comes.
