@@ -167,7 +167,7 @@ class EventRecorder:
         self.box.happen(happening)
 
     def look(self, now_ns: int) -> None:
-        """Updates the time [ns], in the messages' clock, and registers finished bags."""
+        """Sets the time [ns] by the messages' clock, and registers bags that are finished."""
         self.box.look(now_ns)
         self._collect()
 

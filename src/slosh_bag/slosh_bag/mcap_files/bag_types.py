@@ -24,7 +24,7 @@ class BagTypes:
         self._known: set[str] = set()
 
     def add(self, schema: Schema) -> None:
-        """Adds the definition of a message type from an MCAP schema."""
+        """Stores the definition of a message type, which an MCAP schema contains."""
         known = self._schemas.setdefault(schema.name, schema)
         if (known.data, known.encoding) != (schema.data, schema.encoding):
             self._ambiguous.add(schema.name)

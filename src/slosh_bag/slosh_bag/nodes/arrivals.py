@@ -21,7 +21,7 @@ class Arrivals:
         self._held: list[Received] = []
 
     def sort(self, taken: list[Received], settled: int) -> list[Received]:
-        """Adds messages, and returns those whose order can no longer change, sorted.
+        """Adds messages; returns, sorted by arrival, those that no later message can precede.
 
         Args:
             taken: of all topics, since the last call.

@@ -228,7 +228,7 @@ class ReadAhead(Generic[Item]):
             self._put(end)
 
     def _put(self, batch: list[Item] | BaseException | None) -> bool:
-        """Adds a batch of items to the queue; returns False if reading has been stopped."""
+        """Adds a batch of items to the queue; returns False if reading is to stop."""
         while not self._stop.is_set():
             try:
                 self._queue.put(batch, timeout=_POLL)

@@ -77,7 +77,7 @@ class Step(NamedTuple):
 
 
 class Playback:
-    """Assigns publishing times to the messages of a bag.
+    """Assigns a publishing time to each message of a bag.
 
     /clock never goes back within a pass and is never earlier than a message that is out. It says
     the time of the last message among those that follow it within `LEAD`, so that a node spends
