@@ -43,7 +43,7 @@ class SilentTopic:
         return time.monotonic() - self._since
 
     def heard(self) -> None:
-        """Registers that a valid message has arrived."""
+        """Records that a valid message has just arrived."""
         self._since = time.monotonic()
         self._has_heard = True
 
