@@ -76,7 +76,7 @@ class OperatingPoint:
 def make_trials(
     motions: Sequence[MeasuredMotion], model: Model, ratio: float
 ) -> tuple[tuple[Trial, ...], tuple[OperatingPoint, ...]]:
-    """Prepares motions and groups them by operating point.
+    """Prepares measured motions for the fit, and groups them by operating point.
 
     Args:
         motions: the data.
