@@ -53,7 +53,7 @@ class ReadyWait:
         self.unrecorded: tuple[str, ...] = ()
 
     def take(self, report: NodeReport, now: float) -> None:
-        """Processes a node's diagnostics at a monotonic time [s]."""
+        """Stores a node's diagnostics, received at a monotonic time [s]."""
         state, said = report.facts.get(STATE, READY), report.sentence
         if RECORDED in report.facts and self._is_incomplete(report, now):
             state, said = (

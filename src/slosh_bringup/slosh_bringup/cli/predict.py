@@ -213,7 +213,7 @@ def write_shown(
     found: Sequence[Prediction],
     scales: Sequence[SafeScales | None],
 ) -> None:
-    """Writes the requested picture and HTML page of the predicted motions."""
+    """Writes the picture and the HTML page of the predicted motions, as far as requested."""
     if arguments.plot is None and arguments.page is None:
         return
     # They load matplotlib, which is slow.

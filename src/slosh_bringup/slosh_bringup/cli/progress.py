@@ -103,7 +103,7 @@ class Progress:
         self.reach(self.done + amount)
 
     def reach(self, done: float, text: str = "") -> None:
-        """Sets the amount of work done and describes the current activity."""
+        """Sets the amount of work done so far and describes the current activity."""
         changed, self.done, self.text = text != self.text, done, text
         if self._view is not None:
             self._view.show(at_once=changed)

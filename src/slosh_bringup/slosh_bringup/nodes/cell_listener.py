@@ -104,7 +104,7 @@ class CellListener:
         rclpy.try_shutdown()
 
     def listen(self, seconds: float) -> None:
-        """Processes received messages for a given time [s]."""
+        """Receives and processes messages for a given time [s]."""
         deadline = time.monotonic() + seconds
         while (left := deadline - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)

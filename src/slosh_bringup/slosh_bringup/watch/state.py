@@ -152,7 +152,7 @@ class WatchState:
         return silent or now - self._compared_at > ALONE
 
     def take_comparison(self, compared: Compared, now: float) -> None:
-        """Stores measured and estimated height, which were received at a monotonic time [s]."""
+        """Stores a comparison of measured and estimated height, with its arrival time [s]."""
         self._compared, self._compared_at = compared, now
         if math.isfinite(compared.measured) or math.isfinite(compared.estimated):
             self._add(compared.stamp_ns, compared.measured, compared.estimated)
@@ -172,11 +172,11 @@ class WatchState:
         self._fused.append(fused)
 
     def take_calm(self, calm: CalmNews, now: float) -> None:
-        """Stores a calm state that was received at a monotonic time [s]."""
+        """Stores whether the liquid is calm, with the arrival time [s] (monotonic clock)."""
         self._calm = calm, now
 
     def take_governor(self, news: GovernorNews, now: float) -> None:
-        """Stores the governor's newest step, which was received at a monotonic time [s]."""
+        """Stores the governor's newest step, with its arrival time [s] (monotonic clock)."""
         self._governor = news, now
 
     def take_event(self, event: LimitNews) -> None:
@@ -206,7 +206,7 @@ class WatchState:
         self._settings = MonitorSettings.from_partial(parameters)
 
     def take_container(self, container: Container) -> None:
-        """Stores the container's views and the height of its rim, for drawing."""
+        """Stores the shape of the container and the height of its rim, for drawing."""
         self._wall = container.wall
         along, across = (np.round(container.side_view(axis), 5).tolist() for axis in (0, 1))
         plan = np.round(container.corners * container.reaches, 5).tolist()
