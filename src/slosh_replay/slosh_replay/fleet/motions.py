@@ -192,7 +192,7 @@ def _identified(table: _Table, liquid: _Liquid) -> dict[str, Any]:
 
 
 def _calm_time(table: _Table, end_ns: int) -> float:
-    """Returns the time from a motion's end until the liquid is first calm [s]; NaN: unknown."""
+    """Returns the time from a motion's end until the liquid is calm [s]; NaN if unknown."""
     calm = table.stamps[(table.columns["calm"] != 0) & (table.stamps >= end_ns)]
     return 1e-9 * float(calm[0] - end_ns) if len(calm) else NAN
 
