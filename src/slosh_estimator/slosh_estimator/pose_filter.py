@@ -123,7 +123,7 @@ class PoseFilter(NamedTuple):
 
 @compiled
 def _fit(tau: Any, scale: float, values: Any, terms: int) -> Any:
-    """Returns coefficients (3, terms) of polynomials in tau/scale, relative to the centre.
+    """Fits polynomials to a window; returns coefficients (3, terms) in scaled time.
 
     The centre is where tau is 0.
     """
