@@ -206,7 +206,7 @@ def _take_inputs(lanes, w, chunk, j):  # type: ignore[no-untyped-def]
 
 @compiled
 def _take_poses(lanes, w, input_rows, poses, i):  # type: ignore[no-untyped-def]
-    """Copies the pose of each lane for an input; without poses the container is upright."""
+    """Copies each simulation's pose for an input; without poses the container is upright."""
     for k in range(lanes):
         pose = pose_at(poses[input_rows[k]], i) if poses.shape[0] > 0 else UPRIGHT
         for row in range(POSE_COUNT):
