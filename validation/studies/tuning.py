@@ -28,6 +28,7 @@ from tqdm import tqdm
 from tuning_scenes import (
     Answer,
     Scene,
+    at_rest,
     bags,
     calibrated,
     detected,
@@ -150,7 +151,7 @@ ROOMS: dict[str, tuple[list[Maker], Callable[[Scene], Iterator[Answer]]]] = {
     "slosh_camera.cylinder": ([rendered, drawn], detected),
     "slosh_camera.rectangle": ([traced], detected),
     "slosh_camera.images": ([rendered, drawn, traced], detected),
-    "slosh_camera.calibrate": ([rendered], calibrated),
+    "slosh_camera.calibrate": ([at_rest], calibrated),
     "slosh_estimator": ([bags], replayed),
 }
 SCENES: dict[str, Scene] = {}

@@ -16,6 +16,11 @@ from slosh_testing import drawn_cup
 ROOT = Path(__file__).resolve().parents[2]
 RENDERED = ROOT / "tests" / "scenes"
 FRAME = 40_000_000  # [ns]
+AT_REST = (
+    "nonlinear_dark", "brightness x2", "motion blur, 15 px", "roll 2° after the still image",
+    "highlights", "clear_20", "liquid_water",
+)  # fmt: skip
+"""The last two are refused."""
 
 
 class Scene(NamedTuple):
@@ -86,6 +91,14 @@ def rendered() -> dict[str, Scene]:
         images = [disturb(scene.images[6], sequence, truth)]
         scenes[disturb.name] = Scene(disturb.calibration(scene.source), still, images)
     return scenes
+
+
+def at_rest() -> dict[str, Scene]:
+    """Returns rendered images at rest: those that calibration takes, and two that it refuses.
+
+    A calibration takes seconds, and the refused ones are refused for few reasons.
+    """
+    return {name: scene for name, scene in rendered().items() if name in AT_REST}
 
 
 def drawn() -> dict[str, Scene]:
