@@ -185,7 +185,7 @@ class Arm(Robot):
         return found[:, :3], found[:, 3:]
 
     def chain(self) -> tuple[list[Link], Array]:
-        """Returns the joints that carry the link, from the root on, and the link behind them.
+        """Returns the joints from the robot's base to the container's link, and that link.
 
         Returns:
             joints; and (12,) rotation by rows and translation from the last of them to the link.

@@ -57,7 +57,7 @@ class RequestedPath:
 
     @property
     def attitude(self) -> Array | None:
-        """Attitude (4,) of the container, or None if upright or determined by joints."""
+        """Attitude quaternion (4,) of the container; None if upright or given by the joints."""
         return None if self.waypoints is None else self.waypoints.attitude
 
     def path(self, model: Model, stopped: Callable[[], bool]) -> Path:
