@@ -265,7 +265,7 @@ class _Motion:
         return self._reader.doubts
 
     def missing(self) -> str:
-        """Returns why this source gives no motion; empty if it does."""
+        """Returns why this source gives no motion; empty if it gives one."""
         if self._count:
             return ""
         return self._blocks.trouble() or f"it tells no motion{self._reader.refusal}"
