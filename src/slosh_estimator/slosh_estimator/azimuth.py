@@ -38,7 +38,7 @@ class WaveOffset(NamedTuple):
 
     @property
     def disagrees(self) -> bool:
-        """Whether the angle is large and statistically significant."""
+        """Whether the angle between the waves is large and statistically significant."""
         return (
             abs(self.turn) >= TUNING.least_turn
             and abs(self.turn) > TUNING.turn_noise * self.stddev

@@ -153,7 +153,7 @@ class LimitTracker:
 
     @property
     def at_rim(self) -> bool:
-        """Whether the limit is the container's rim, or a distance below it."""
+        """Whether the limit is at the container's rim or a distance below the rim."""
         return self._name != LIMIT
 
     @property
@@ -168,7 +168,7 @@ class LimitTracker:
     def can_matter(
         self, stamps: NDArray[np.int64], values: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """Returns which of the next values can cause a change; the others may be skipped.
+        """Returns which values can start, prolong or end a violation of the limit.
 
         Args:
             stamps: (N,) increasing [ns].

@@ -9,7 +9,7 @@ from slosh_estimator.tuning import TUNING
 
 
 class Envelope(NamedTuple):
-    """The largest height that the wave can still reach, according to the filter.
+    """The largest height that the wave can still reach, according to the Kalman filter.
 
     Attributes:
         stamp_ns: the moment [ns].
