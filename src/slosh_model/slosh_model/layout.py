@@ -77,7 +77,7 @@ _STATE = RUN.fields["started"][1] // _WORD  # type: ignore[index]
 
 
 def new_store(mode_count: int) -> NDArray[np.float64]:
-    """Returns the array, filled with zeros, for a model with a number of modes."""
+    """Returns the zero-filled array (M,) that holds a model with `mode_count` modes."""
     return np.zeros(_RUN_LENGTH + mode_count * MODE.itemsize // _WORD)
 
 

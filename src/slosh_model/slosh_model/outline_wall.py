@@ -1,4 +1,4 @@
-"""Heights on a wall over any outline, of a surface that is a plane.
+"""Heights of a plane liquid surface on vertical walls over any outline.
 
 Corners of the wall are (c, s), x and y in units of the reaches along them: the plane that is
 sh_x high at c = 1 and sh_y high at s = 1 is c sh_x + s sh_y high there.

@@ -47,7 +47,7 @@ class PlaneModes(NamedTuple):
 
 
 def plane_matrices(inside: Any) -> tuple[Any, Any]:
-    """Returns the matrices of ∫∇u·∇v and ∫uv."""
+    """Returns the finite-element matrices of ∫∇u·∇v and ∫uv over the surface."""
     fem = library()
     stiffness = fem.BilinearForm(lambda u, v, w: u.grad[0] * v.grad[0] + u.grad[1] * v.grad[1])
     mass = fem.BilinearForm(lambda u, v, w: u * v)
