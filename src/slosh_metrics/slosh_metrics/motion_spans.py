@@ -53,7 +53,7 @@ class MotionFinder:
 
     @property
     def spans(self) -> list[MotionSpan]:
-        """The motions so far; the last one may continue, and the current bin is not included."""
+        """The motions so far; the last one may continue; the current time bin is not included."""
         return self._spans
 
     def add(self, stamps: Integers, accelerations: Array, turning: Array | None = None) -> None:
