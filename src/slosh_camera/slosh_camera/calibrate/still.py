@@ -95,7 +95,7 @@ class _Task:
 
     @property
     def sure(self) -> bool:
-        """Whether the distance was given, so that a fit at that distance must be the container."""
+        """Whether the user gave the camera's distance, so that a fit must be the container."""
         return self.distance is not None
 
 
