@@ -44,7 +44,7 @@ class Free(NamedTuple):
 
 @dataclass(frozen=True)
 class Explanation:
-    """Physical effects added to a base model; one that the base already has is fitted again.
+    """Physical effects added to a base model; effects that the base has are fitted again.
 
     Attributes:
         base: the model that they are added to.
