@@ -273,7 +273,7 @@ def fastest_scale(model: Model, trajectory: Trajectory) -> float:
 
 
 def slowest_scale(trajectory: Trajectory, fastest: float, bound: float | None) -> float:
-    """Returns the time scale at which the scan ends: above the one proven safe, if there is one.
+    """Returns the largest time scale to scan: just above the one proven safe, if known.
 
     Args:
         trajectory: the motion.
