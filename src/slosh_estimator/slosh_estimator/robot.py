@@ -156,7 +156,7 @@ class Robot:
 
 
 class Mover(NamedTuple):
-    """A movable joint of the robot description.
+    """A movable joint in the robot's description (URDF).
 
     Attributes:
         joint: whose position it follows, its own or that of one that it mimics: its own position
