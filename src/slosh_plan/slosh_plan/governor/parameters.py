@@ -99,7 +99,7 @@ def joint_command(
     positions: Sequence[float],
     velocities: Sequence[float],
 ) -> Command:
-    """Creates a command from joint positions, velocities, or both.
+    """Creates a command from joint positions, velocities, or both, by joint name.
 
     Args:
         stamp_ns: of the message [ns]; 0: it has none.
