@@ -16,7 +16,6 @@ import cv2
 import numpy as np
 import pytest
 import scipy.io
-from board_scene import chessboard_pictures
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_base.files import is_unfinished
@@ -25,6 +24,7 @@ from slosh_bringup.cli.main import COMMANDS, main
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_tables.motion_table import MotionTable, write_motion_table
+from slosh_testing.board_scene import chessboard_pictures
 from slosh_testing.small_disk import small_disk
 
 ROOT = Path(__file__).parents[1]
@@ -197,6 +197,7 @@ def test_an_output_that_is_an_input_is_refused(own, tmp_path, monkeypatch, capsy
         ("identify SHOP/motion.csv --model SHOP/model.yaml -o SHOP", "SHOP: exists already"),
         ("new SHOP --radius 0.05 --fill-height 0.07", "SHOP: exists already"),
         ("discover SHOP/recording --from-bag -o SHOP/recording/new", "is inside the input"),
+        ("discover --each SHOP/recording --from-bag -o SHOP", "SHOP: exists already"),
         (
             "plan SHOP/model.yaml SHOP/path.csv --limit 0.02 -o SHOP/new.csv --report SHOP",
             "SHOP: exists already",

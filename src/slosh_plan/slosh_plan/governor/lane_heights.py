@@ -40,7 +40,7 @@ from slosh_plan.governor.waves import (
 def _of_any_model(  # type: ignore[no-untyped-def]
     stores, cup, driven, which, models, intervals, count, ceiling, heights
 ):
-    """Writes the wall heights of any models; arguments and answer are those of `add_heights`."""
+    """Simulates wall heights of models with any effects; arguments as `add_heights`."""
     lanes, size = which.shape[0] * models.shape[0], int(cup[SIZE])
     copies, found = np.empty((lanes, size)), np.empty((lanes, count, 2))
     rows = np.empty(lanes, dtype=np.int64)
@@ -69,7 +69,7 @@ def _of_any_model(  # type: ignore[no-untyped-def]
 def _of_waves(  # type: ignore[no-untyped-def]
     stores, cup, driven, which, models, ends, intervals, count, ceiling, heights, tops
 ):
-    """Writes the wall heights of models of `waves`, and the greatest of each lane.
+    """Simulates wall heights of models without other effects, in vectors; see `waves`.
 
     Returns:
         for how many rows; 0: a pendulum swings further than can be simulated so.
@@ -98,7 +98,7 @@ def _of_waves(  # type: ignore[no-untyped-def]
 
 @compiled
 def _at_any_phase(run, x, y):  # type: ignore[no-untyped-def]
-    """Returns the greatest height on the wall [m] of two waves whose crests may meet anyhow.
+    """Returns the largest wall height [m] of waves along x and y whose phases are unknown.
 
     Args:
         run: the container's record of `layout.RUN`.
@@ -115,7 +115,7 @@ def _at_any_phase(run, x, y):  # type: ignore[no-untyped-def]
 
 @compiled
 def _highest(heights, lane, count, end, run, mode):  # type: ignore[no-untyped-def]
-    """Returns the greatest height of a lane; infinite where one is unknown.
+    """Returns the largest wall height [m] of one simulation; inf if a height is unknown.
 
     After a stop waves along two axes with different frequencies may meet with their crests at any
     time: the highest of both add.
@@ -145,7 +145,7 @@ def _highest(heights, lane, count, end, run, mode):  # type: ignore[no-untyped-d
 def add_heights(  # type: ignore[no-untyped-def]
     stores, cup, driven, which, models, ends, intervals, count, ceiling, heights, tops
 ):
-    """Writes the wall heights in some candidates, and the greatest of each lane.
+    """Simulates wall heights of a container's models in several candidate motions.
 
     Args:
         stores, cup, driven, which, models, ends, intervals, count: see `uses.add_uses`.

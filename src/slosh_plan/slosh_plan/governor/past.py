@@ -1,4 +1,4 @@
-"""The first container's liquid at the last steps, into which late observed states are put."""
+"""States of the governor's first container at the last steps, for late observed states."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slosh_plan.tuning import TUNING
 
 
 class PastLiquid:
-    """The models of a container, and what it felt, at each of the last steps.
+    """Stores the states of a container's models, and its acceleration, of the last steps.
 
     Args:
         stores: (MODELS, …) of the models, an example.
@@ -24,7 +24,7 @@ class PastLiquid:
         self._added = 0
 
     def add(self, stamp_ns: int, stores: Array, felt: Array) -> None:
-        """Stores a step.
+        """Stores the models' states and the acceleration at one step.
 
         Args:
             stamp_ns: of the step [ns].
@@ -38,7 +38,7 @@ class PastLiquid:
         self._added += 1
 
     def since(self, stamp_ns: int) -> int:
-        """Returns how many of the last steps are not before a moment; 0: it is before them all.
+        """Returns how many of the last steps lie at or after a time; 0: it is before all of them.
 
         Args:
             stamp_ns: the moment [ns].
@@ -53,7 +53,7 @@ class PastLiquid:
         return count
 
     def last(self, count: int) -> tuple[Array, Array]:
-        """Returns copies of the models (MODELS, …) so many steps ago, and of what they felt since.
+        """Returns the models' states (MODELS, …) `count` steps ago, and the accelerations since.
 
         The last row of the latter, (count, 3), is left for the present moment.
         """

@@ -44,7 +44,7 @@ WORK = QUANTITIES * LANES
 
 
 def kind_of(model: Model) -> int:
-    """Returns the kind of a model: PARABOLOID or PENDULUM if it is simulated here, else OTHER."""
+    """Classifies a model: PARABOLOID or PENDULUM if it can be simulated in vectors, else OTHER."""
     store = store_of(model)
     runs, modes = divided(store)
     run, mode = runs[0], modes[0]
@@ -62,7 +62,7 @@ def kind_of(model: Model) -> int:
 
 @compiled
 def _load(w, k, store, pendulum, end):  # type: ignore[no-untyped-def]
-    """Loads a model to a lane: state and constants in units of its radius, or as angles."""
+    """Loads a model's state and constants to a lane, in units of the radius or as angles [rad]."""
     runs, modes = records(store)
     run, mode = runs[0], modes[0]
     omega, parameters = mode["natural_frequency"], run["parameters"]
@@ -91,7 +91,10 @@ def _load(w, k, store, pendulum, end):  # type: ignore[no-untyped-def]
 
 @compiled
 def _on_paraboloid(w, k, x, y, vx, vy, ax, ay, g):  # type: ignore[no-untyped-def]
-    """Returns the acceleration of a mass, by the radius; (I + c q qᵀ) q̈ = f solved for q̈."""
+    """Returns the acceleration of a mass on a paraboloid, divided by the radius [1/s²].
+
+    (I + c q qᵀ) q̈ = f is solved for q̈.
+    """
     c, drag = w[CURVED + k], w[DRAG_X + k]
     square = x * x + y * y
     pull = c * (drag * (x * vx + y * vy) + (vx * vx + vy * vy)) + w[SPRING + k] * square
@@ -103,7 +106,7 @@ def _on_paraboloid(w, k, x, y, vx, vy, ax, ay, g):  # type: ignore[no-untyped-de
 
 @compiled
 def _swing(angle, rate, a, stiffness, drag):  # type: ignore[no-untyped-def]
-    """Returns a pendulum's angular acceleration; sine and cosine by their series to 1e-11."""
+    """Returns a pendulum's angular acceleration [rad/s²]; sine and cosine by series to 1e-11."""
     u = angle * angle
     sine = 1.0 / 39916800.0 - u * (1.0 / 6227020800.0)
     sine = 1.0 / 362880.0 - u * sine
@@ -120,7 +123,7 @@ def _swing(angle, rate, a, stiffness, drag):  # type: ignore[no-untyped-def]
 
 @compiled
 def _slope(pendulum, w, k, q, ax, ay, g):  # type: ignore[no-untyped-def]
-    """Returns the second derivative of a lane's state."""
+    """Returns the second time derivatives of a wave's two coordinates in one lane."""
     x, y, vx, vy = q
     if not pendulum:
         return _on_paraboloid(w, k, x, y, vx, vy, ax, ay, g)
@@ -130,7 +133,7 @@ def _slope(pendulum, w, k, q, ax, ay, g):  # type: ignore[no-untyped-def]
 
 @compiled
 def _advance(pendulum, w, k, step, share):  # type: ignore[no-untyped-def]
-    """Makes one classical Runge-Kutta step of a lane, to a share of the way to the new inputs."""
+    """Makes one Runge-Kutta step of a lane, up to a share of the interval between two samples."""
     x, y, vx, vy = w[X + k], w[Y + k], w[VX + k], w[VY + k]
     ax, ay, g = w[LEFT_X + k], w[LEFT_Y + k], w[LEFT_G + k]
     bx = w[OLD_X + k] + share * (w[NEW_X + k] - w[OLD_X + k])
@@ -169,7 +172,7 @@ def _advance_pendulum(lanes, w, step, share):  # type: ignore[no-untyped-def]
 
 @compiled
 def _heights(w, k):  # type: ignore[no-untyped-def]
-    """Returns the wall heights of a lane at +x and +y [m]."""
+    """Returns the wall heights of one lane at the container's +x and +y [m]."""
     g = w[NEW_G + k]
     light = 1.0 / (g if g > 0.5 else 0.5)
     x = w[GAIN_X + k] * w[X + k] - w[STATIC_X + k] * light * w[NEW_X + k]
@@ -178,7 +181,7 @@ def _heights(w, k):  # type: ignore[no-untyped-def]
 
 @compiled
 def _watch_round(lanes, w):  # type: ignore[no-untyped-def]
-    """Takes the squares of the heights on a round wall into account."""
+    """Updates the heights of all lanes, and their greatest squares on a round wall [m²]."""
     for k in range(lanes):
         x, y = _heights(w, k)
         w[HEIGHT_X + k], w[HEIGHT_Y + k], top = x, y, w[TOP + k]
@@ -188,7 +191,10 @@ def _watch_round(lanes, w):  # type: ignore[no-untyped-def]
 
 @compiled
 def _watch_rectangle(lanes, w, row):  # type: ignore[no-untyped-def]
-    """Takes the heights at corners into account; after the stop crests may meet at any time."""
+    """Updates the heights of all lanes, and the greatest at a rectangle's corners [m].
+
+    After the stop the crests of both axes may meet at any time.
+    """
     for k in range(lanes):
         x, y = _heights(w, k)
         w[HEIGHT_X + k], w[HEIGHT_Y + k], top = x, y, w[TOP + k]
@@ -218,7 +224,7 @@ def _take_inputs(lanes, w, inputs, row):  # type: ignore[no-untyped-def]
 
 @compiled
 def _exceeds(lanes, w, ceiling):  # type: ignore[no-untyped-def]
-    """Whether the greatest height of a lane, or its square, exceeds a ceiling."""
+    """Whether the greatest height (or its square) of any lane exceeds a ceiling."""
     highest = 0.0
     for k in range(lanes):
         highest = max(highest, w[TOP + k])
@@ -227,7 +233,7 @@ def _exceeds(lanes, w, ceiling):  # type: ignore[no-untyped-def]
 
 @compiled
 def begin_waves(stores, size, which, models, ends, pendulum, w):  # type: ignore[no-untyped-def]
-    """Loads models and candidates to the lanes; lanes without any repeat the first.
+    """Loads models and candidate motions to the lanes of a simulation; spare lanes repeat one.
 
     Args:
         stores: (MODELS, …) of a container.
@@ -247,7 +253,7 @@ def begin_waves(stores, size, which, models, ends, pendulum, w):  # type: ignore
 
 @compiled
 def simulate_waves(w, inputs, intervals, count, steps, pendulum, ceiling, heights):  # type: ignore[no-untyped-def]
-    """Simulates all lanes; ends early after a height beyond the ceiling.
+    """Simulates the waves of all lanes at once; ends early after a height beyond the ceiling.
 
     Args:
         w: (WORK,) as `begin_waves` leaves it; changed: TOP is the greatest height of each lane
