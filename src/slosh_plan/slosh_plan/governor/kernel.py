@@ -48,6 +48,7 @@ from slosh_plan.governor.layout import (
     PLAN,
     POINT,
     REST,
+    SEEN,
     SHARE,
     SIZE,
     SPACING,
@@ -99,7 +100,13 @@ def _is_held(plan):  # type: ignore[no-untyped-def]
 @compiled
 def _is_known(plan, state):  # type: ignore[no-untyped-def]
     """Whether a candidate is the stored stop and already verified, so it needs no simulation."""
-    return _is_held(plan) and state[BOUND] <= 1.0
+    return _is_held(plan) and state[BOUND] <= 1.0 and state[SEEN] == 0.0
+
+
+@compiled
+def _is_known_of_others(plan, state):  # type: ignore[no-untyped-def]
+    """Whether it is the verified stop, but the first liquid has been observed since then."""
+    return _is_held(plan) and state[BOUND] <= 1.0 and state[SEEN] != 0.0
 
 
 @compiled
@@ -164,7 +171,7 @@ def _carried(one, plan, begun, moves, rows):  # type: ignore[no-untyped-def]
 
 
 @compiled_apart
-def _verified(one, moves, cups, settings, ranks, whole, told):  # type: ignore[no-untyped-def]
+def _verified(one, plan, begun, moves, cups, ranks, exact, told):  # type: ignore[no-untyped-def]
     """Simulates a candidate with all models; returns the largest fraction of a limit it reaches.
 
     Containers that were nearest to their limits are looked at first; the first that exceeds one
@@ -172,22 +179,28 @@ def _verified(one, moves, cups, settings, ranks, whole, told):  # type: ignore[n
 
     Args:
         one: the candidate.
+        plan: (PLAN,) of it; of the held stop only what is not known is looked at.
+        begun: see `_prepared`.
         moves: see `_best_of_all`.
-        cups, settings: see `govern`.
+        cups: see `govern`.
         ranks: (C, RANKS); changed.
-        whole: whether shares above 1 are wanted, too; else they may be lower bounds.
+        exact: greater shares may be lower bounds.
         told: (C, USES) receives the uses; NaN: not looked at.
     """
     stores, driven, ends, intervals, _ = moves
+    settings, bound = begun[3], begun[1][BOUND]
+    alone = _is_known_of_others(plan, begun[1])
     which, models = np.array([one]), np.arange(MODELS)
     count = min(ends[one] + _tail(settings), intervals.shape[0])
     own, order = np.full((CANDIDATES, USES), math.nan), ranks[:, ORDER].copy()
     told[:] = math.nan
-    most, critical = -1.0, order[0]
+    most, critical = bound if alone else -1.0, order[0]
     for cup in order:
+        if alone and cup > 0:
+            continue
         part = stores[cup * MODELS : (cup + 1) * MODELS]
         model = add_uses(
-            part, cups[cup], driven, which, models, ends, intervals, count, settings, whole, own
+            part, cups[cup], driven, which, models, ends, intervals, count, settings, exact, own
         )
         _to_front(ranks[cup, WORST:], model)
         told[cup] = own[one]
@@ -208,9 +221,9 @@ def _screened(moves, kept, cups, settings, bound, ranks, shares):  # type: ignor
     if which.shape[0] > 0:
         cup, count = ranks[0, ORDER], min(ends[which].max() + _tail(settings), intervals.shape[0])
         part = stores[cup * MODELS : (cup + 1) * MODELS]
-        models = ranks[cup, WORST:]
+        models = ranks[cup, WORST:].copy()
         add_uses(
-            part, cups[cup], driven, which, models, ends, intervals, count, settings, True, own
+            part, cups[cup], driven, which, models, ends, intervals, count, settings, math.inf, own
         )
     for one in range(CANDIDATES):
         shares[one] = bound if kept[one] == KNOWN else own[one, USE]
@@ -222,14 +235,14 @@ def _best_part(plans, begun, moves, rows, cups, ranks, told):  # type: ignore[no
 
     The last candidate is the held stop. What is not looked at is taken to be as its neighbours.
     """
-    settings, bound, trial = begun[3], begun[1][BOUND], told.copy()
+    trial = told.copy()
     best, use, above, below = HELD, math.inf, -1, HELD
     while above + 1 < below:
         one = (above + below) // 2
         found = math.inf
         judged = _prepared(one, plans[one], begun, moves, rows[one]) == JUDGED
         if judged and _carried(one, plans[one], begun, moves, rows[one]):
-            found = _verified(one, moves, cups, settings, ranks, False, trial)
+            found = _verified(one, plans[one], begun, moves, cups, ranks, 1.0, trial)
         if found <= 1.0:
             best, use, below = one, found, one
             told[:] = trial
@@ -238,7 +251,9 @@ def _best_part(plans, begun, moves, rows, cups, ranks, told):  # type: ignore[no
     if best == HELD:
         told[:] = math.nan
         known = _prepared(HELD, plans[HELD], begun, moves, rows[HELD]) == KNOWN
-        use = bound if known else _verified(HELD, moves, cups, settings, ranks, True, told)
+        use = begun[1][BOUND]
+        if not known:
+            use = _verified(best, plans[best], begun, moves, cups, ranks, math.inf, told)
     return best, use
 
 
@@ -261,15 +276,14 @@ def _best_of_all(plans, begun, moves, rows, kept, cups, ranks, follow, last, tol
         last: whether no other candidates follow: then something is told in any case.
         told: (C, USES) receives what the best one uses.
     """
-    settings, bound = begun[3], begun[1][BOUND]
-    shares, rests = np.empty(CANDIDATES), moves[4][moves[2] - 1]
-    _screened(moves, kept, cups, settings, bound, ranks, shares)
+    shares, rests, settings = np.empty(CANDIDATES), moves[4][moves[2] - 1], begun[3]
+    _screened(moves, kept, cups, settings, begun[1][BOUND], ranks, shares)
     best = _best(shares, kept, rests, settings, follow)
     for _ in range(VERIFIED):
         if kept[best] != JUDGED or not shares[best] <= 1.0:
             break
         if _carried(best, plans[best], begun, moves, rows[best]):
-            shares[best] = _verified(best, moves, cups, settings, ranks, False, told)
+            shares[best] = _verified(best, plans[best], begun, moves, cups, ranks, 1.0, told)
             if shares[best] <= 1.0:
                 return best, shares[best]
         else:
@@ -286,7 +300,7 @@ def _best_of_all(plans, begun, moves, rows, kept, cups, ranks, follow, last, tol
         best = _best(shares, kept, rests, settings, follow)
     told[:] = math.nan
     if last and kept[best] == JUDGED:
-        shares[best] = _verified(best, moves, cups, settings, ranks, True, told)
+        shares[best] = _verified(best, plans[best], begun, moves, cups, ranks, math.inf, told)
     return best, shares[best]
 
 
@@ -358,7 +372,7 @@ def govern(  # type: ignore[no-untyped-def]
             )
         answer[TRIED] += 1.0
         block += 1
-    state[BOUND] = use
+    state[BOUND], state[SEEN] = use, 0.0
     if plans[best, KIND] == 1.0:
         state[DURATION : DURATION + 3] = plans[best, LAW:]
     answer[SHARE] = plans[best, PART]
