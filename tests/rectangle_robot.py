@@ -6,19 +6,16 @@ Publishes a motion along x and pictures of what the liquid does, and ends with t
 The liquid is TM20's pendulum; the pictures are drawn by other means than the camera node's.
 """
 
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import yaml
 
+from slosh_model import Inputs, Model, Rectangle, simulate
+from slosh_testing.side_view_scene import Liquid, Look, Setup, draw
+
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tools"))
-
-from side_view_scene import Liquid, Look, Setup, draw  # noqa: E402
-
-from slosh_model import Inputs, Model, Rectangle, simulate  # noqa: E402
 
 SETUP = Setup(columns=320, rows=260, focal=1000.0, elevation=-0.02)
 TANK = Rectangle(SETUP.width, SETUP.depth, SETUP.fill_height)

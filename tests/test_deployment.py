@@ -17,6 +17,7 @@ import pytest
 from slosh_bringup.cli.main import build_parser
 from slosh_bringup.live.service_manager import PERIOD
 from slosh_bringup.processes import EXIT_WRONG_INPUT
+from slosh_msgs_py.node.network import TRANSPORTS, WITHOUT_SHARED_MEMORY
 
 ROOT = Path(__file__).resolve().parent.parent
 UNIT = ROOT / "deploy" / "slosh-cell@.service"
@@ -100,7 +101,7 @@ def test_the_services_command_tells_that_it_is_ready_alive_and_stopping(tmp_path
     line = line.replace("%i", "cup").replace(PLACE, str(ROOT))
     line = line.replace("/etc/slosh", str(tmp_path)).replace("/var/lib/slosh", str(tmp_path))
     own = dict(one.split("=", 1) for row in values("Environment") for one in row.split())
-    environment = {**os.environ, "FASTDDS_BUILTIN_TRANSPORTS": own["FASTDDS_BUILTIN_TRANSPORTS"]}
+    environment = {**os.environ, TRANSPORTS: own[TRANSPORTS]}
     environment["NOTIFY_SOCKET"] = str(tmp_path / "notify")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(environment["NOTIFY_SOCKET"])
@@ -120,6 +121,12 @@ def test_the_services_command_tells_that_it_is_ready_alive_and_stopping(tmp_path
                 os.killpg(process.pid, signal.SIGKILL)
     assert process.returncode == 1  # no input came, so nothing was estimated
     assert (tmp_path / "cup" / "latest" / "bag").is_dir()
+
+
+def test_service_and_image_do_without_shared_memory():
+    (line,) = re.findall(rf"^ENV {TRANSPORTS}=(.*)$", IMAGE.read_text(), re.MULTILINE)
+    assert line == WITHOUT_SHARED_MEMORY
+    assert f"{TRANSPORTS}={WITHOUT_SHARED_MEMORY}" in values("Environment")
 
 
 def heard_until(manager, word):

@@ -13,6 +13,13 @@ from typing import Any
 import pytest
 
 from slosh_bringup.processes import NodeProcess, config_folder, node_environment
+from slosh_msgs_py.node.network import (
+    PROFILES,
+    RANGE,
+    TRANSPORTS,
+    is_local,
+    network_environment,
+)
 from slosh_testing.who_hears import ENOUGH
 
 HERE, THERE = "10.213.77.1", "10.213.77.2"
@@ -106,6 +113,49 @@ def test_a_stranger_hears_a_cell_only_where_it_was_let_out(
     assert ours["heard"] > ENOUGH
     assert ours["answered"]
     assert (theirs["heard"] > 0, theirs["answered"]) == (expected, expected)
+
+
+@pytest.mark.parametrize(
+    ("given", "reach", "profile", "local"),
+    [
+        ({}, "LOCALHOST", "this_machine.xml", True),
+        ({RANGE: "SUBNET"}, "SUBNET", "network.xml", False),
+        ({TRANSPORTS: "UDPv4"}, "SUBNET", "this_machine_udp.xml", True),
+        ({TRANSPORTS: "UDPv4", RANGE: "OFF"}, "OFF", "this_machine_udp.xml", True),
+        ({TRANSPORTS: "UDPv4", RANGE: "SUBNET"}, "SUBNET", None, False),
+        ({TRANSPORTS: "UDPv4", PROFILES[0]: "/own.xml"}, "LOCALHOST", "own.xml", True),
+    ],
+)
+def test_variables_choose_range_and_profile(
+    given: dict[str, str], reach: str, profile: str | None, local: bool
+) -> None:
+    found = {**given, **network_environment(given)}
+    assert found[RANGE] == reach
+    assert Path(found.get(PROFILES[0], "")).name == (profile or "")
+    assert is_local(given) == local
+    assert {**found, **network_environment(found)} == found, "a process that it starts"
+    assert is_local(found) == local
+
+
+@pytest.mark.parametrize("transports", ["UDPv4", "DEFAULT"])
+@pytest.mark.timeout(120)
+def test_a_robot_without_the_cells_shared_memory_needs_udp(transports: str, domain: int) -> None:
+    """As in another container, or of another user: the variable is for the cell alone."""
+    apart = ["unshare", "--mount", "sh", "-c", 'mount -t tmpfs none /dev/shm && exec "$@"', "sh"]
+    if not shutil.which("unshare") or subprocess.run([*apart, "true"], check=False).returncode:
+        pytest.skip("needs unshare and the right to mount")
+    environment = {**node_environment(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(TRANSPORTS, transports)
+        own = node_environment(domain)
+    model = {"model": str(config_folder() / "model.yaml")}
+    estimator = NodeProcess("estimator", parameters=model).command("/slosh")
+    reached = transports == "UDPv4"
+    robot = listener("robot", ROBOT_WAITS if reached else STRANGER_WAITS)
+    with process(estimator, own), process([*apart, *robot], environment) as robots:
+        answer = answer_of(robots)
+    assert (answer["heard"] > ENOUGH) is reached
+    assert answer["answered"] is reached
 
 
 @pytest.mark.long

@@ -16,7 +16,6 @@ import cv2
 import numpy as np
 import pytest
 import scipy.io
-from board_scene import chessboard_pictures
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_base.files import is_unfinished
@@ -25,6 +24,7 @@ from slosh_bringup.cli.main import COMMANDS, main
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_tables.motion_table import MotionTable, write_motion_table
+from slosh_testing.board_scene import chessboard_pictures
 from slosh_testing.small_disk import small_disk
 
 ROOT = Path(__file__).parents[1]

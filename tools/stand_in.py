@@ -23,7 +23,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from board_scene import POSES, BoardCamera, Image, chessboard_pictures
 
 from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.live.cell_setup import NAMESPACE
@@ -37,6 +36,7 @@ from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.model_text import format_model, read_model
 from slosh_model.shapes.cylinder import Cylinder
+from slosh_testing.board_scene import POSES, BoardCamera, Image, chessboard_pictures
 from slosh_testing.joint_driver import play_joints
 
 CAMERA = BoardCamera((640, 480), (1000.0, 1000.0), (319.5, 239.5), (0.0, 0.0, 0.0, 0.0, 0.0))

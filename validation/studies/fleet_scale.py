@@ -48,7 +48,7 @@ SIMULATED_BAGS: Final = 200
 
 
 class Run(NamedTuple):
-    """One run over all bags.
+    """Times and sizes of one run over all bags.
 
     Attributes:
         seconds: from the first task to the last outcome, without the start of the workers.
@@ -65,7 +65,7 @@ class Run(NamedTuple):
 
 @contextmanager
 def cluster(workers: int) -> Iterator[Client]:
-    """Starts worker processes with one computing thread each, as a cluster has them."""
+    """Starts local worker processes with one computing thread each, as on a cluster."""
     os.environ["NUMBA_NUM_THREADS"] = "1"
     with (
         LocalCluster(
@@ -79,7 +79,7 @@ def cluster(workers: int) -> Iterator[Client]:
 def run_all(
     work: Callable[[Any], float], items: Sequence[Any], client: Client, apart: bool = False
 ) -> Run:
-    """Works on all items on a cluster.
+    """Processes all items on a Dask cluster and measures the run.
 
     Args:
         work: of one item.
@@ -111,7 +111,7 @@ def _processor(client: Client) -> float:
 
 
 def task_cost(count: int) -> float:
-    """Returns the time that scheduler and client take for a task [s].
+    """Returns the processor time that scheduler and client need for a task [s].
 
     Both run in this process, and the workers have nothing to do: its processor time is the cost.
     """
@@ -123,7 +123,7 @@ def task_cost(count: int) -> float:
 
 
 def simulated(durations: Sequence[float], workers: int, cost: float, apart: bool = False) -> float:
-    """Returns the share of linear speed that so many workers reach.
+    """Simulates the speed of a number of workers, as a fraction of linear scaling.
 
     Scheduler and client serve one task at a time. A worker has IN_FLIGHT tasks, so that it goes on
     while it waits for the next one.
@@ -167,7 +167,7 @@ def measured(
     apart: bool = False,
     first: int = 4,
 ) -> list[str]:
-    """Returns table rows of runs with one and two workers, which take turns.
+    """Returns table rows of runs that use one worker and two workers alternately.
 
     Args:
         name: of the work.
@@ -207,7 +207,7 @@ def measured(
 
 
 def main() -> int:
-    """Runs the study; prints or files its tables."""
+    """Runs the study; prints its tables or writes them to files."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "out" / "fleet")
     parser.add_argument("--bags", type=int, default=1000)

@@ -15,11 +15,11 @@ import with_tools  # noqa: F401
 from camera_sequences import ROOT
 from camera_tables import replace_table
 from numpy.typing import NDArray
-from side_view_scene import Liquid, Look, Patch, Setup, draw, still
 
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag
 from slosh_camera.rectangle.detector import SideViewDetector
+from slosh_testing.side_view_scene import Liquid, Look, Patch, Setup, draw, still
 
 PAGE = ROOT / "docs" / "side_view.md"
 IMAGES = 24

@@ -1,4 +1,4 @@
-"""Generated bags are recordings with motions of their own; the simulation has its limits."""
+"""Tests that generated bags have different motions, and limits of the simulated scaling."""
 
 import pytest
 from fleet_bags import MOTIONS, make_bag

@@ -28,6 +28,7 @@ from tqdm import tqdm
 from tuning_scenes import (
     Answer,
     Scene,
+    at_rest,
     bags,
     calibrated,
     detected,
@@ -56,7 +57,7 @@ class Change(NamedTuple):
 
     @property
     def told(self) -> tuple[str, int, int]:
-        """Formats the change for a table."""
+        """Formats the changed results as a table cell."""
         return f"{self.rms:.3g}", self.flags, self.refused
 
 
@@ -117,7 +118,7 @@ def prepared(room: str) -> dict[str, Scene]:
 
 
 def measured(room: str, numbers: dict[str, Any]) -> Answers:
-    """Measures all scenes of a package with other values of some tuning numbers."""
+    """Measures all scenes of a package with changed values of some tuning numbers."""
     module: Any = importlib.import_module(f"{room}.tuning")
     module.TUNING = dataclasses.replace(module.TUNING, **numbers)
     answers: Answers = {}
@@ -150,7 +151,7 @@ ROOMS: dict[str, tuple[list[Maker], Callable[[Scene], Iterator[Answer]]]] = {
     "slosh_camera.cylinder": ([rendered, drawn], detected),
     "slosh_camera.rectangle": ([traced], detected),
     "slosh_camera.images": ([rendered, drawn, traced], detected),
-    "slosh_camera.calibrate": ([rendered], calibrated),
+    "slosh_camera.calibrate": ([at_rest], calibrated),
     "slosh_estimator": ([bags], replayed),
 }
 SCENES: dict[str, Scene] = {}

@@ -16,6 +16,11 @@ from slosh_testing import drawn_cup
 ROOT = Path(__file__).resolve().parents[2]
 RENDERED = ROOT / "tests" / "scenes"
 FRAME = 40_000_000  # [ns]
+AT_REST = (
+    "nonlinear_dark", "brightness x2", "motion blur, 15 px", "roll 2° after the still image",
+    "highlights", "clear_20", "liquid_water",
+)  # fmt: skip
+"""The last two are refused."""
 
 
 class Scene(NamedTuple):
@@ -88,6 +93,14 @@ def rendered() -> dict[str, Scene]:
     return scenes
 
 
+def at_rest() -> dict[str, Scene]:
+    """Returns rendered images at rest: those that calibration takes, and two that it refuses.
+
+    A calibration takes seconds, and the refused ones are refused for few reasons.
+    """
+    return {name: scene for name, scene in rendered().items() if name in AT_REST}
+
+
 def drawn() -> dict[str, Scene]:
     """Returns scenes with drawn cups, as the camera's tests use them.
 
@@ -116,8 +129,9 @@ def drawn() -> dict[str, Scene]:
 
 def traced() -> dict[str, Scene]:
     """Returns scenes with ray-traced side views, one of them torn."""
-    from side_view_scene import draw, still
     from side_view_tables import CASES, random_liquid
+
+    from slosh_testing.side_view_scene import draw, still
 
     generator, scenes = np.random.default_rng(11), {}
     for name, (setup, look) in CASES.items():

@@ -124,8 +124,10 @@ def workspace() -> DoctorFinding:
 def discovery() -> DoctorFinding:
     """Checks which hosts can discover this machine's topics."""
     network = importlib.import_module("slosh_msgs_py.node.network")
-    reach = network.network_environment(os.environ)[network.RANGE]
-    who = "this machine only" if reach in network.ALONE else "every network: see docs/security.md"
+    who = "this machine only"
+    if not network.is_local(os.environ):
+        who = "every network: see docs/security.md"
+    reach = os.environ.get(network.RANGE) or "LOCALHOST"
     domain = os.environ.get("ROS_DOMAIN_ID", "0")
     return DoctorFinding("discovery", True, f"range {reach}, {who}; domain {domain}")
 
@@ -207,9 +209,15 @@ def optional(module: str, name: str, purpose: str, file: str) -> DoctorFinding:
         purpose: what needs it.
         file: requirements file that installs it.
     """
-    there = importlib.util.find_spec(module) is not None
-    remedy = f"only for {purpose}: pip install -r requirements/{file}"
-    return DoctorFinding(name, there, "found" if there else "not found", remedy, required=False)
+    if importlib.util.find_spec(module) is None:
+        remedy = f"only for {purpose}: pip install -r requirements/{file}"
+        return DoctorFinding(name, False, "not found", remedy, required=False)
+    try:
+        importlib.import_module(module)
+    except ImportError as error:
+        remedy = f"only for {purpose}: install the package of the system that has it"
+        return DoctorFinding(name, False, f"cannot be loaded: {error}", remedy, required=False)
+    return DoctorFinding(name, True, "found", "", required=False)
 
 
 def tool(name: str, remark: str) -> DoctorFinding:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from example_finding import FOUND, example_finding, example_inputs, example_motion
 
 from slosh_bringup import discovery_task
 from slosh_bringup.cli.main import main
@@ -19,6 +18,7 @@ from slosh_discovery.discovering import recorded_model
 from slosh_model.model_text import parse_model, read_model
 from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
 from slosh_testing.commands import complaint
+from slosh_testing.example_finding import FOUND, example_finding, example_inputs, example_motion
 from slosh_testing.pages import grey_png
 
 MODEL = str(config_folder() / "model.yaml")

@@ -3,10 +3,10 @@
 import cv2
 import numpy as np
 import pytest
-from board_scene import MATRIX, chessboard_pictures
 
 from slosh_bringup.cli.main import main
 from slosh_camera.calibrate.intrinsics import read_known_camera
+from slosh_testing.board_scene import MATRIX, chessboard_pictures
 from slosh_testing.commands import complaint
 
 BOARD = ["--board", "8x5", "--square", "0.02"]

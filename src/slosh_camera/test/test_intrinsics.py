@@ -5,7 +5,14 @@ import re
 import cv2
 import numpy as np
 import pytest
-from board_scene import (
+
+from slosh_camera.calibrate.board import Board
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.intrinsics.drawing import draw_reprojection, missing_poses
+from slosh_camera.intrinsics.sheet import as_pdf, sheet_of
+from slosh_camera.intrinsics.solve import solve_intrinsics
+from slosh_camera.intrinsics.views import Chessboard, corners_of, find_views, parse_target
+from slosh_testing.board_scene import (
     CAMERA,
     LENS,
     MATRIX,
@@ -18,13 +25,6 @@ from board_scene import (
     rays_of,
     render,
 )
-
-from slosh_camera.calibrate.board import Board
-from slosh_camera.errors import SloshCameraError
-from slosh_camera.intrinsics.drawing import draw_reprojection, missing_poses
-from slosh_camera.intrinsics.sheet import as_pdf, sheet_of
-from slosh_camera.intrinsics.solve import solve_intrinsics
-from slosh_camera.intrinsics.views import Chessboard, corners_of, find_views, parse_target
 
 BOARD = Chessboard(8, 5, 0.02)
 CHARUCO = Board(True, 8, 5, 0.02, 0.015)

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from side_view_scene import Liquid, Look, Patch, Setup, draw, still
 
 from slosh_camera.detection.detectors import detector_for
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag, PeakSide
 from slosh_camera.rectangle.detector import SideMeasurement, SideViewDetector
 from slosh_camera.settings import DetectionSettings, RegionOfInterest
+from slosh_testing.side_view_scene import Liquid, Look, Patch, Setup, draw, still
 
 # The camera looks up at the surface by 3 degrees: of two lines it sees only the one on the face.
 SETUP = Setup(columns=360, rows=300, focal=1200.0, elevation=-0.05)

@@ -3,7 +3,6 @@
 import cv2
 import numpy as np
 import pytest
-from side_view_scene import Liquid, Look, Setup, draw, still
 
 from slosh_camera.cylinder.container_edges import ContainerEdges
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
@@ -11,6 +10,7 @@ from slosh_camera.cylinder.outer_edges import outer_edges
 from slosh_camera.images.still_edges import StillEdges
 from slosh_camera.measurement import Flag
 from slosh_camera.rectangle.detector import SideViewDetector
+from slosh_testing.side_view_scene import Liquid, Look, Setup, draw, still
 
 SIDE = Setup(columns=360, rows=440, focal=1200.0, elevation=-0.05)
 SLOSHING = Liquid(0.001, 0.0, (-0.010, 0.003, 0.001))

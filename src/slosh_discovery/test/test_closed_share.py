@@ -6,7 +6,6 @@ import re
 from dataclasses import replace
 
 import pytest
-from example_finding import example_finding, example_report
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
@@ -21,6 +20,7 @@ from slosh_discovery.discovery_report import (
     render_discovery,
 )
 from slosh_report.page.units import shown
+from slosh_testing.example_finding import example_finding, example_report
 
 NAN = float("nan")
 HEIGHTS = st.floats(0.0, 1.0)

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from example_finding import BASE, FOUND, example_finding, example_motion
 
 from slosh_bag.reader import BagReader
 from slosh_discovery.discover.finding import WorstMoment
@@ -28,6 +27,7 @@ from slosh_discovery.discovery_report import DiscoveryReport
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.model_text import read_model
 from slosh_model.simulate import Inputs
+from slosh_testing.example_finding import BASE, FOUND, example_finding, example_motion
 
 BAGS = Path(__file__).parents[3] / "bags"
 

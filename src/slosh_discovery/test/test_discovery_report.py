@@ -4,7 +4,6 @@ import json
 from dataclasses import replace
 
 import pytest
-from example_finding import BASE, NOISE, example_finding, example_report
 
 from slosh_discovery.discover.finding import (
     Candidate,
@@ -26,6 +25,7 @@ from slosh_discovery.discovery_report.words import (
     shown_parameter,
     verdict_sentence,
 )
+from slosh_testing.example_finding import BASE, NOISE, example_finding, example_report
 
 NAN = float("nan")
 

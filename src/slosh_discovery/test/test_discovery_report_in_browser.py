@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import headless_browser
 import pytest
-from example_finding import example_finding, example_report
 from headless_browser import View
 
 from slosh_discovery.discover.finding import Verdict
@@ -17,6 +16,7 @@ from slosh_discovery.discovery_report import (
     render_discovery,
 )
 from slosh_report.page.frame import Frame
+from slosh_testing.example_finding import example_finding, example_report
 from slosh_testing.hostile import evil
 from slosh_testing.pages import A4, LOOK, EveryPage, check_numbers, grey_png, on_paper
 

@@ -131,9 +131,10 @@ def standing_use(
     if not model.container.follows_yaw:
         displacement, speed = (_turned(one, -inputs.yaws) for one in (displacement, speed))
     change = np.gradient(speed, inputs.t, axis=0)
-    axes = np.full(len(inputs.t), model.container.axes(model.mode_count))
+    axes = model.container.axes(model.mode_count)
+    turn = Rotation.from_euler("z", axes).as_matrix()[:2, :2]
     displaced, pulled, lifted = (
-        _turned(one.sum(axis=1, keepdims=True), axes)[:, 0]
+        one.sum(axis=1) @ turn.T
         for one in (
             masses.modal * displacement, masses.modal * change,
             masses.modal * masses.heights * change,

@@ -53,6 +53,11 @@ class PlanTuning:
         (1.0, 0.7), "1", "factors of the fastest known law at which searches start"
     )
     again: float = number(0.2, "1", "part of the time limit after which no second search starts")
+    repeated: tuple[float, ...] = number(
+        (1.02, 1.1),
+        "1",
+        "factors by which the start of a repeated search is slower, tried in turn",
+    )
     search_rounds: int = number(8, "1", "how often a limit is lowered")
     ahead: float = number(0.004, "1", "part by which heights are lowered at first")
     slack: float = number(2e-4, "1", "part by which a limit is lowered beyond its excess")
@@ -127,6 +132,9 @@ class PlanTuning:
     governor_tail: float = number(0.6, "period", "periods of the first mode after a stop")
     governor_tilted_tail: float = number(1.1, "period", "the same where the container may tilt")
     governor_first: float = number(2.0, "period", "duration of the first stop, in its periods")
+    governor_least: float = number(
+        16.0, "step", "duration of the shortest stop while a command is followed"
+    )
     governor_longest: float = number(1.2, "s", "longest stop")
     governor_reserve: float = number(0.04, "1", "part by which heights are raised")
     governor_spread: float = number(

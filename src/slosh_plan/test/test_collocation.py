@@ -31,7 +31,7 @@ def test_derivatives_are_those_of_the_demands(models, tilting):
     """Tests derivatives of the constraints against central differences."""
     problem = CollocationProblem(
         tuple(flow_of(model) for model in models), path_through(BENT), 0.3, (5, 4),
-        StateLayout(tilting, len(models)), LooseTerms.of(models[0], STANDING),
+        StateLayout(tilting, len(models)), tuple(LooseTerms.of(one, STANDING) for one in models),
     )  # fmt: skip
     solver = problem.solver({"ipopt.print_level": 0, "print_time": False})
     slopes, bends = (solver.get_function(f"nlp_{name}") for name in ("jac_g", "hess_l"))

@@ -59,6 +59,17 @@ def jumps(seed, count=250):
     return rows
 
 
+@pytest.mark.parametrize("held", [1, 2, 8])
+def test_a_command_that_begins_gently_is_followed(held):
+    """Commands of 100, 50 and 12.5 Hz, from rest to 0.3 m/s in 2 s."""
+    governor = Governor(CUP, LIMITS)
+    speeds = 0.3 * np.linspace(0.0, 1.0, 200) ** 2
+    rows = [(speeds[n], 0.0, 0.0) if n % held == 0 else None for n in range(len(speeds))]
+    moved = run(governor, rows)
+    assert moved[-1].velocity[0] > 0.9 * speeds[-held]
+    assert all(one.safe for one in moved)
+
+
 def as_planned(moved):
     """Converts governed steps to a motion at 1 kHz, for the independent equations."""
     t = np.arange(len(moved) * 10 + 1) / 1000.0

@@ -1,6 +1,7 @@
 """Tests that a robust plan, unlike a usual one, keeps its limits for unseen parameters."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,10 +9,11 @@ import pytest
 from slosh_model.covariance import covariance_of
 from slosh_model.parameters import parameter_value
 from slosh_model.shapes.cylinder import Cylinder
+from slosh_model.standing import Standing
 from slosh_model.tray import Tray, TrayContainer
 from slosh_plan import SloshPlanError
-from slosh_plan.planning import optimise
-from slosh_plan.planning.checked import heights_after
+from slosh_plan.planning import optimise, robust
+from slosh_plan.planning.checked import LooseContainer, heights_after, standing_uses
 from slosh_plan.planning.likely import likely_models
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
@@ -24,6 +26,8 @@ NAMES = ("natural_frequency", "damping_ratio")
 RADIUS = 0.05
 LINE = path_through([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0]])
 LIMITS = PlanLimits(0.02, 0.002)
+TALL = Standing(mass=0.05, centre_height=0.05, base_radius=0.012, friction=0.5)
+"""A container that rather tips than slides."""
 
 
 @pytest.fixture
@@ -123,6 +127,36 @@ def test_a_robust_plan_of_a_tray_needs_every_covariance(doubtful, cup):
     tray = Tray((TrayContainer("a", doubtful()), TrayContainer("b", cup)))
     with pytest.raises(SloshPlanError, match="container b: a robust plan needs the covariance"):
         plan_container(tray, LINE, LIMITS, robust=True)
+
+
+@pytest.mark.parametrize(
+    ("solver", "errors"),
+    [(False, (0.05, 0.3)), pytest.param(True, (0.02, 0.2), marks=[
+        pytest.mark.long,
+        pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed"),
+    ])],
+    ids=["known law", "optimal"],
+)  # fmt: skip
+def test_a_loose_container_stands_for_parameters_that_it_has_not_seen(
+    doubtful, monkeypatch, solver, errors
+):
+    if not solver:
+        monkeypatch.setattr(optimise, "available", lambda: False)
+        monkeypatch.setattr(robust, "likely_models", partial(likely_models, count=100))
+    model, wide, loose = doubtful(*errors), PlanLimits(0.045, 0.045), LooseContainer(TALL)
+    usual = plan(model, LINE, wide, loose=loose).found
+    answer = plan_robust(model, LINE, wide, loose=loose, time_limit=60.0).plan.found
+    unseen = likely_models(model, count=1000 if solver else 100, seed=5).models
+
+    def largest(motion):
+        return max(max(used) for used in standing_uses(unseen, motion, None, loose))
+
+    # The usual plan lets liquids unlike the model's tip it.
+    assert max(usual.standing.values()) <= 1.0
+    assert largest(usual.motion) > 1.02
+    assert largest(answer.motion) <= 1.001
+    assert max(answer.standing.values()) >= largest(answer.motion) - 0.01
+    assert usual.motion.duration < answer.motion.duration < 1.3 * usual.motion.duration
 
 
 def test_known_laws_are_robust_where_there_is_no_solver(doubtful, monkeypatch):

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from side_view_scene import Liquid, Look, Setup, draw, still
 from tm20.design import DEPTH, FILL_HEIGHT, IDENTIFICATION
 from tm20.experiments import NO_NOISE, Experiment, geometry_of, true_amplitudes
 
 from slosh_camera.rectangle.detector import SideViewDetector
 from slosh_metrics.surface_metrics import line_slopes
+from slosh_testing.side_view_scene import Liquid, Look, Setup, draw, still
 
 Array = NDArray[np.float64]
 

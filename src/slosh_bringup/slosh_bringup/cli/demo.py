@@ -9,6 +9,7 @@ from pathlib import Path
 
 from slosh_base.files import write_text
 from slosh_base.files.plain_text import plain_line
+from slosh_bringup.cell.governed_cup import commanded_velocity
 from slosh_bringup.cell.motion_source import REPEATS, TABLE_ENDINGS, load_motion
 from slosh_bringup.cell.motions import MOTIONS
 from slosh_bringup.cell.simulated_camera import write_simulated_camera
@@ -19,8 +20,10 @@ from slosh_bringup.live.cell_setup import default_setup
 from slosh_bringup.live.run import LiveRun
 from slosh_bringup.processes import NodeProcess, config_folder
 from slosh_model.model_text import read_model
+from slosh_msgs_py import topics
 
 CAMERA = "simulated_camera"
+GOVERNOR_RATE = "100.0"  # Hz; the governor node's own
 STARTING = 3.0  # s; from ready nodes to the motion and behind its end, for the progress bar
 
 
@@ -49,7 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--push", type=float, metavar="T",
-        help="simulate a push by hand after T seconds, which no sensor of the robot measures",
+        help="time [s] at which a push of the container by hand is simulated, which no robot "
+        "sensor measures (default: no push)",
     )  # fmt: skip
     parser.add_argument(
         "--camera-stop", type=float, nargs=2, metavar=("FROM", "TO"),
@@ -59,6 +63,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--force", action="store_true",
         help="simulate an opaque container on a force sensor, without a camera; its payload is "
         "identified first",
+    )  # fmt: skip
+    parser.add_argument(
+        "--governor", action="store_true",
+        help="command the motion's velocity to the governor node; the container moves as that "
+        "allows, below 20 mm",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the results as JSON")
     add_watch(parser)
@@ -91,6 +100,10 @@ def run(arguments: argparse.Namespace) -> int:
         raise SloshBringupError(
             f"--repeat {arguments.repeat}: must be from {REPEATS[0]} to {REPEATS[1]}"
         )
+    if arguments.governor and arguments.force:
+        raise SloshBringupError(
+            "--governor and --force: the force sensor is simulated for a known motion; give one"
+        )
     name = arguments.motion
     motion = load_motion(name, 100.0, tell)
     # The node has a working folder of its own.
@@ -118,6 +131,10 @@ def run(arguments: argparse.Namespace) -> int:
             setup, model=arguments.model.resolve(),
             calibration=camera if isinstance(camera, Path) else None,
         )  # fmt: skip
+    if arguments.governor:
+        commanded_velocity(motion)
+        setup = replace(setup, govern=topics.TWIST)
+        given |= {"govern": GOVERNOR_RATE}
     if arguments.force:
         setup = replace(
             setup, calibration=None, force=_identified(arguments.output, given["model"])

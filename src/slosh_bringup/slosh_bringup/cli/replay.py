@@ -55,12 +55,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     cell = parser.add_argument(
         "--namespace", dest="cell", metavar="NAMESPACE",
-        help="namespace of the cell to replay, for a bag of several cells, e.g. /slosh",
+        help="namespace of the cell to replay, if the bag contains several cells, e.g. /slosh",
     )  # fmt: skip
     old_name(parser, cell, "--cell")
     parser.add_argument(
         "--estimator", type=int, default=1, metavar="N",
-        help="number of the estimator to replay, for a bag of several (default 1: the first)",
+        help="number of the estimator to replay, if several were recorded (default 1: the first)",
     )  # fmt: skip
     add_input_options(parser)
     parser.add_argument(
@@ -304,7 +304,7 @@ def _mm(metres: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class StatedBag:
-    """A bag to replay and its entry in a manifest.
+    """A bag to replay, with its expected results from a manifest.
 
     Attributes:
         path: folder or file.

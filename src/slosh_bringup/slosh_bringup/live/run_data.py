@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from slosh_bag.reader import TopicInfo, stamp_ns
 from slosh_base.types import Array
+from slosh_bringup.cell.governed_cup import GovernedOutcome
 from slosh_msgs_py.topics import COMPARISON
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording.facts import lost_messages, shared_topics_line
@@ -46,7 +47,7 @@ class RecordedEvent:
 
 @dataclass(frozen=True, slots=True)
 class RunData:
-    """The recorded data of one run.
+    """Heights, events, latencies and losses that one run recorded.
 
     Attributes:
         run: the recording.
@@ -63,6 +64,7 @@ class RunData:
             noted; without a topic where it is not known.
         further: (M, columns) of the comparisons of each container behind a tray's first that has
             a camera, by its name, in the order of `columns`.
+        governed: what the simulated cell's governor made of its commands; None: it has none.
         mixed: what the recorder noted of several publishers on topics of one; empty: nothing.
     """
 
@@ -80,6 +82,7 @@ class RunData:
     noted_lost: Mapping[str, int] = field(default_factory=dict)
     mixed: str = ""
     further: Mapping[str, Array] = field(default_factory=dict)
+    governed: GovernedOutcome | None = None
 
     @property
     def seconds(self) -> Array:
@@ -122,10 +125,11 @@ class _Gathered:
     published: dict[str, int] = field(default_factory=dict)
     diagnostics: dict[str, dict[str, str]] = field(default_factory=dict)
     models: tuple[str, str] = ("L", "NL")
+    governed: GovernedOutcome | None = None
 
 
 def read_run(run: RecordedRun) -> RunData:
-    """Reads the data of a recorded run from its bag.
+    """Reads heights, events, latencies and losses of a run from its bag.
 
     Raises:
         SloshBagError: there is no readable bag.
@@ -153,6 +157,7 @@ def read_run(run: RecordedRun) -> RunData:
         diagnostics=gathered.diagnostics,
         models=gathered.models,
         warnings=tuple(reader.warnings),
+        governed=gathered.governed,
         mixed=shared_topics_line(facts),
         noted_lost=lost_messages(facts),
         further={
@@ -212,7 +217,10 @@ def _take_event(gathered: _Gathered, message: Any) -> None:
 
 
 def _take_summary(gathered: _Gathered, message: Any) -> None:
-    gathered.published.update(json.loads(message.data)["published"])
+    told = json.loads(message.data)
+    gathered.published.update(told["published"])
+    if "governed" in told:
+        gathered.governed = GovernedOutcome(**told["governed"])
 
 
 def _take_diagnostics(gathered: _Gathered, message: Any) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from slosh_base.types import Array
+from slosh_bringup.cell.governed_cup import GovernedOutcome
 from slosh_bringup.live.run_data import COLUMNS, RunData
 from slosh_estimator.sight import UNSOUND, judged
 from slosh_metrics.metrics import mean_absolute_error, peak_error, rms_error
@@ -38,7 +39,7 @@ class SeriesAgreement:
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """All metrics of a recorded run.
+    """All metrics of a recorded run: accuracy, latencies and losses.
 
     Attributes:
         agreements: models against camera and, in the simulated cell, all against the truth.
@@ -46,6 +47,7 @@ class RunResult:
         lost: messages by topic that were published but not recorded; see `RunData.lost`.
         dropped: samples that nodes dropped, by node and reason.
         events: number of excesses of limits.
+        governed: what a governor made of the simulated cell's commands; None: there was none.
     """
 
     agreements: tuple[SeriesAgreement, ...]
@@ -53,6 +55,7 @@ class RunResult:
     lost: Mapping[str, int]
     dropped: Mapping[str, int]
     events: int
+    governed: GovernedOutcome | None = None
 
     @property
     def lost_line(self) -> str:
@@ -106,6 +109,7 @@ def evaluate(data: RunData) -> RunResult:
         lost=data.lost(),
         dropped=_dropped(data),
         events=len({event.id for event in data.events}),
+        governed=data.governed,
     )
 
 
@@ -150,6 +154,8 @@ def table(result: RunResult) -> str:
     lines.append(f"lost messages       {sum(result.lost.values())}{_which(result.lost)}")
     lines.append(f"dropped samples     {sum(result.dropped.values())}{_which(result.dropped)}")
     lines.append(f"limit events        {result.events}")
+    governed = result.governed.rows() if result.governed else {}
+    lines += [f"{label:<20}{text}" for label, text in governed.items()]
     return "\n".join(lines)
 
 

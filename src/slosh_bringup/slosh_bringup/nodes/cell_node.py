@@ -13,11 +13,14 @@ import numpy as np
 from std_msgs.msg import String
 
 from slosh_base.compiled.compilation import load_telling
+from slosh_bringup.cell.governed_cup import CupSample, GovernedCup
 from slosh_bringup.cell.motion_source import REPEATS, load_motion
 from slosh_bringup.cell.renderer import CupRenderer, GrayImage, GreyLevels
 from slosh_bringup.cell.truth import Push, integrate_truth, read_sensors
+from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.nodes.cell_messages import (
     CAMERA_FRAME,
+    COMMANDED,
     PUBLISHED,
     accel_message,
     camera_info,
@@ -26,10 +29,12 @@ from slosh_bringup.nodes.cell_messages import (
     pose_message,
     truth_message,
 )
+from slosh_bringup.nodes.governed_play import GovernedPlay
 from slosh_bringup.nodes.ready_cell import ReadyCell
 from slosh_bringup.processes import config_folder
 from slosh_bringup.ready_wait import PATIENCE
 from slosh_camera.calibrate.camera_file import read_calibration
+from slosh_model.constants import GRAVITY
 from slosh_model.model_text import read_model
 from slosh_msgs_py import images, topics
 from slosh_msgs_py.node.diagnostics import OK, WARN, Health
@@ -53,7 +58,7 @@ PARAMETERS = (
     ParameterSpec("rate", 1000.0, "rate of the topic accel [Hz]", (10.0, 1000.0)),
     ParameterSpec("imu_every", 5, "number of accel samples per imu sample; 0: no imu", (0, 1000)),
     ParameterSpec("fps", 60.0, "rate of the images [Hz]", (1.0, 240.0)),
-    ParameterSpec("camera", True, "draw and publish images"),
+    ParameterSpec("camera", True, "render and publish images"),
     ParameterSpec("raw", True, "publish camera/image_raw"),
     ParameterSpec("compressed", True, "publish camera/image_raw/compressed"),
     ParameterSpec(
@@ -71,7 +76,7 @@ PARAMETERS = (
     ParameterSpec(
         "push_at",
         -1.0,
-        "time of a push by hand, which no sensor of the robot measures [s]; negative: never",
+        "time of a simulated push by hand that no robot sensor measures [s]; negative: no push",
         (-1.0, 1e6),
     ),
     ParameterSpec("push", 0.1, "speed that the push gives the liquid along x [m/s]", (-1.0, 1.0)),
@@ -92,6 +97,13 @@ PARAMETERS = (
     ParameterSpec("seed", 1, "seed of all noise", (0, 2**31 - 1)),
     ParameterSpec("repeat", 1, "number of times that the motion is played", REPEATS),
     ParameterSpec(
+        "govern",
+        0.0,
+        "steps per second of a governor that the motion's velocity is commanded to, its "
+        "parameter rate [Hz]; 0: the container moves as the motion says",
+        (0.0, 1000.0),
+    ),
+    ParameterSpec(
         "wait_for",
         "",
         "names of nodes that must be ready before the motion starts, separated by commas",
@@ -105,7 +117,7 @@ PARAMETERS = (
     ParameterSpec(
         "patience",
         PATIENCE,
-        "time without news from awaited nodes after which the node ends [s]",
+        "time without messages from awaited nodes after which this node ends [s]",
         (0.0, 3600.0),
     ),
 )
@@ -133,15 +145,25 @@ class CellNode(PreparedNode):
             look = GreyLevels(noise=given["image_noise"], seed=given["seed"])
             self._renderer = CupRenderer(calibration.view, look)
             self._info = camera_info(calibration)
+        self._push = Push(given["push_at"], given["push"]) if given["push_at"] >= 0.0 else None
+        self._play_governed: GovernedPlay | None = None
+        published = PUBLISHED
+        if given["govern"]:
+            period = 1.0 / given["govern"]
+            cup = GovernedCup(self._model, given["rate"], period, self._push)
+            self._play_governed = GovernedPlay(self, self._motion, cup, period)
+            self._noise = np.random.default_rng(given["seed"])
+            published = (*PUBLISHED, COMMANDED)
         self._pub = {
             topic: self.create_publisher(kind, topic, profile)
-            for topic, kind, profile in PUBLISHED
+            for topic, kind, profile in published
         }
         self._counts = dict.fromkeys(self._pub, 0)
         names = [name.strip() for name in given["wait_for"].split(",") if name.strip()]
         self._others = ReadyCell(
-            self, names, given["readers"], given["patience"], camera=given["camera"]
-        )
+            self, names, given["readers"], given["patience"], camera=given["camera"],
+            governed=self._play_governed is not None,
+        )  # fmt: skip
         self.failure = ""
         self._latest = 0.0
         self._left_out = 0
@@ -155,15 +177,13 @@ class CellNode(PreparedNode):
     def prepare(self, progress: Progress) -> None:
         """Compiles or loads the liquid's equations and integrates the reference liquid."""
         load_telling(progress, "slosh_model.kernel")
-        at, speed = self._given["push_at"], self._given["push"]
-        push = Push(at, speed) if at >= 0.0 else None
-        self._truth = integrate_truth(self._model, self._motion, push)
+        self._truth = integrate_truth(self._model, self._motion, self._push)
         if self._given["force_every"]:
             # It loads the identification's libraries.
             from slosh_bringup.cell.force_sensor import ForceSensor, sensed_force
 
             seed = self._given["seed"]
-            self._force = sensed_force(self._model, self._motion, ForceSensor(), seed, push)
+            self._force = sensed_force(self._model, self._motion, ForceSensor(), seed, self._push)
 
     def begin(self) -> None:
         """Starts the motion when the other nodes are ready."""
@@ -217,7 +237,10 @@ class CellNode(PreparedNode):
         self._playing = True
         camera = threading.Thread(target=self._film, args=(start_ns,), name="camera", daemon=True)
         camera.start()
-        self._move(start_ns)
+        if self._play_governed is None:
+            self._move(start_ns)
+        else:
+            self._follow(start_ns, self._play_governed)
         camera.join()
         self._publish(topics.SUMMARY, String(data=json.dumps(self._summary())))
         self._report.report()
@@ -227,7 +250,10 @@ class CellNode(PreparedNode):
         prefix = self.get_namespace().rstrip("/")
         published = {f"{prefix}/{topic}": count for topic, count in self._counts.items() if count}
         published[f"{prefix}/{topics.SUMMARY}"] = 1
-        return {"motion": self._motion.name, "published": published}
+        found = {"motion": self._motion.name, "published": published}
+        if self._play_governed is not None:
+            found["governed"] = self._play_governed.outcome.document()
+        return found
 
     def _wait_until(self, t: float) -> bool:
         """Sleeps until a time of the motion; returns False if the node should end."""
@@ -254,6 +280,42 @@ class CellNode(PreparedNode):
                     self._publish(topics.FORCE, force_message(stamp, self._force[due]))
                 due += 1
 
+    def _follow(self, start_ns: int, play: GovernedPlay) -> None:
+        """Commands the motion and publishes the samples of what the governor makes of it."""
+        every, noise = self._given["imu_every"], self._given["acceleration_noise"]
+        still, upright, sent = np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), 0
+
+        def send(stamp_ns: int, sample: CupSample) -> None:
+            nonlocal sent
+            stamp, measured = to_time(stamp_ns), noise * self._noise.standard_normal((2, 3))
+            felt = sample.acceleration + measured[0]
+            self._publish(topics.ACCEL, accel_message(stamp, felt))
+            if every and sent % every == 0:
+                force = sample.acceleration + [0.0, 0.0, GRAVITY] + measured[1]
+                self._publish(topics.IMU, imu_message(stamp, force, still))
+                self._publish(topics.POSE, pose_message(stamp, sample.position, upright))
+            sent += 1
+
+        try:
+            play.run(start_ns, self._publish, send, self._stop)
+        except SloshBringupError as error:
+            self.failure = str(error)
+        self._latest = play.late
+
+    def _heights(self, t: float) -> tuple[float, float]:
+        """Returns the exact wall heights [m] at a time; waits for it where a governor moves."""
+        play = self._play_governed
+        if play is None:
+            return self._truth.at(t)
+        while not play.knows(t) and not self._stop.wait(TICK):
+            pass
+        return play.heights(t)
+
+    @property
+    def _duration(self) -> float:
+        play = self._play_governed
+        return self._motion.duration if play is None else play.duration
+
     def _film(self, start_ns: int) -> None:
         """Renders and publishes camera images and exact heights at the camera's rate.
 
@@ -263,13 +325,13 @@ class CellNode(PreparedNode):
         """
         given = self._given
         frame = 0
-        while (t := frame / given["fps"]) <= self._motion.duration and self._wait_until(t):
+        while (t := frame / given["fps"]) <= self._duration and self._wait_until(t):
             due = int((time.monotonic() - self._start) * given["fps"])
             if due - frame > BEHIND * given["fps"]:
                 self._left_out += due - frame
                 frame = due
                 continue
-            sh_x, sh_y = self._truth.at(t)
+            sh_x, sh_y = self._heights(t)
             stamp_ns = start_ns + round(t * 1e9)
             first, last = given["camera_stop"]
             if self._renderer is not None and not first <= t < last:

@@ -19,10 +19,13 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     topics.IMAGE: (topics.IMAGE, topics.IMAGE_COMPRESSED),
     topics.ESTIMATE: (topics.ESTIMATE,),
     topics.FREE_SURFACE: (topics.FREE_SURFACE,),
+    topics.DESIRED_TWIST: (topics.DESIRED_TWIST,),
 }
 """Topics that must be read before there is a motion, by the name of their kind."""
 OF_CAMERA = (topics.IMAGE, topics.FREE_SURFACE)
 """Those that nobody reads where there is no camera."""
+OF_GOVERNOR = (topics.DESIRED_TWIST,)
+"""Those that nobody reads where there is no governor."""
 SETTLED = 1.0  # s; for so long nobody new has come: a recorder finds its topics one by one
 POLL = 0.05
 
@@ -36,13 +39,22 @@ class ReadyCell:
         readers: how many nodes must read each of GROUPS.
         patience: after so long without news it is given up [s].
         camera: whether images are published.
+        governed: whether a governor's commands are.
     """
 
     def __init__(
-        self, node: Node, names: list[str], readers: int, patience: float, *, camera: bool = True
+        self,
+        node: Node,
+        names: list[str],
+        readers: int,
+        patience: float,
+        *,
+        camera: bool = True,
+        governed: bool = False,
     ) -> None:
         self._node, self._readers, self._patience = node, readers, patience
-        self._kinds = [kind for kind in GROUPS if camera or kind not in OF_CAMERA]
+        unread = (*(() if camera else OF_CAMERA), *(() if governed else OF_GOVERNOR))
+        self._kinds = [kind for kind in GROUPS if kind not in unread]
         self._namespace = node.get_namespace()
         self._wait = ReadyWait(names, time.monotonic(), patience)
         self._own = node.get_name()

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import time
 from typing import TYPE_CHECKING, Final
+
+from slosh_msgs_py.node.network import TRANSPORTS, WITHOUT_SHARED_MEMORY, has_shared_memory
 
 if TYPE_CHECKING:  # who reads what nodes say needs no middleware
     from rclpy.node import Node
@@ -32,15 +35,17 @@ class SilentTopic:
         self._node, self._type_name = node, type_name
         self._since = self._came = time.monotonic()
         self._total = 0
+        self._has_heard = False
 
     @property
     def seconds(self) -> float:
-        """Time since the last valid message [s]."""
+        """Time since the last valid message of the topic [s]."""
         return time.monotonic() - self._since
 
     def heard(self) -> None:
-        """Registers that a valid message has arrived."""
+        """Records that a valid message has just arrived."""
         self._since = time.monotonic()
+        self._has_heard = True
 
     def facts(self, total: int) -> dict[str, str]:
         """Returns a diagnostics entry if messages are published but not received; else empty.
@@ -50,7 +55,7 @@ class SilentTopic:
         """
         now = time.monotonic()
         if total != self._total:
-            self._total, self._came = total, now
+            self._total, self._came, self._has_heard = total, now, True
         if now - self._came < LONG or self._type_name not in self._types():
             return {}
         return {UNHEARD: f"{self.full_name} {self._type_name}"}
@@ -65,7 +70,14 @@ class SilentTopic:
             return f"{name} is published as {types[0]}, but must be {self._type_name}"
         others = sorted({*types} - {self._type_name})
         strange = f"; it is also published as {others[0]}, which is not received" if others else ""
-        return f"the publisher of {name} sends no messages{strange}"
+        return f"the publisher of {name} sends no messages{self._unshared()}{strange}"
+
+    def _unshared(self) -> str:
+        """Returns a hint at shared memory between users; empty once a message has arrived."""
+        if self._has_heard or not has_shared_memory(os.environ):
+            return ""
+        remedy = f"set {TRANSPORTS}={WITHOUT_SHARED_MEMORY} for this process"
+        return f", or belongs to another user or container; then {remedy}"
 
     def _types(self) -> list[str]:
         """Returns the message types of the topic's publishers."""

@@ -1,4 +1,4 @@
-"""Places of the numbers in the arrays that the governor's compiled code shares.
+"""Indices into the arrays that the governor's compiled functions share, with units.
 
 A *coordinate* is a component of the motion that is governed: x, y, z of the container's origin,
 or a joint. D counts coordinates, C containers, P points of the moving frame.
@@ -26,14 +26,15 @@ VELOCITY, RATE, PLACE = range(3)
 
 (
     PERIOD, SPACING, SUBDIVISION, RESERVE, ACCELERATION, JERK, TAIL, SHORTEST, LONGEST,
-    RATIO, EARLY, LATE, ENOUGH, HASTE, SPREAD,
-) = range(15)  # fmt: skip
+    RATIO, EARLY, LATE, ENOUGH, HASTE, SPREAD, LEAST,
+) = range(16)  # fmt: skip
 """Settings: time of a step, of a row [s], steps of a row; part by which heights are raised, limits
 of the container's origin [m/s², m/s³]; time that is looked at after a stop, shortest and longest
 stop [s]; ratio of two durations, steps of the two bumps [1]; part of the limit below which a stop
 is as good as any; what a second of its duration costs, in parts of the limit; part of the
-difference of the lightly damped models' answers that is added for those between them."""
-SETTINGS = 15
+difference of the lightly damped models' answers that is added for those between them; shortest
+stop [s] from which longer ones are found while a command is followed."""
+SETTINGS = 16
 
 SUBSTEP, ROWS, DURATION, BUMP_EARLY, BUMP_LATE, TURN, BOUND = range(7)
 """State: step since the stop's row 0, rows of the stop; duration [s] and bumps of the last good

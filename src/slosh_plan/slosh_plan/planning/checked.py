@@ -12,7 +12,7 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_model import Inputs, Model, wall_heights
 from slosh_model.standing import Standing
-from slosh_model.standing_use import standing_use
+from slosh_model.standing_use import StandingUse, standing_use
 from slosh_model.tray import TrayContainer
 from slosh_plan.heights import first_period, msh_of
 from slosh_plan.planning.limits import PlanLimits
@@ -99,7 +99,7 @@ def horizon(model: Model) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Checker:
-    """Simulates motions that start from rest.
+    """Simulates planned motions that start with liquid at rest, to check their limits.
 
     Attributes:
         model: the model.
@@ -107,7 +107,7 @@ class Checker:
         error: the model's measured error: with it, and the covariance of the model's parameters
             where there is one, heights have intervals, whose upper ends count; None: the heights
             themselves do.
-        scenarios: models with other parameters, whose heights count as the model's own do.
+        scenarios: models with other parameters, that count as the model's own do.
         loose: how the container stands where it is not held; None: it is held.
     """
 
@@ -119,11 +119,9 @@ class Checker:
 
     def __call__(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
         """Returns motions with the maximum heights that their simulation gives."""
-        found = checked(self.model, motions, self.attitude)
-        if self.loose is not None:
-            found = [replace(one, standing=self._use(one.motion)) for one in found]
+        found = self._found(self.model, motions)
         for scenario in self.scenarios:
-            others = checked(scenario, motions, self.attitude)
+            others = self._found(scenario, motions)
             found = [_higher(*pair) for pair in zip(found, others, strict=True)]
         if self.error is None:
             return found
@@ -141,24 +139,28 @@ class Checker:
             for one, (peak, after) in zip(found, np.sqrt(spread).tolist(), strict=True)
         ]
 
-    def _use(self, motion: PlannedMotion) -> dict[str, float]:
-        """Returns the fractions of friction and support base that a motion uses."""
-        assert self.loose is not None
-        inputs = _with_rest(motion, horizon(self.model), self.attitude)
-        standing, place = self.loose
-        return standing_use(self.model, standing, inputs, np.array(place))._asdict()
+    def _found(self, model: Model, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
+        """Simulates motions with a model, and how a loose container then stands."""
+        found = checked(model, motions, self.attitude)
+        if self.loose is None:
+            return found
+        uses = [standing_uses([model], one, self.attitude, self.loose) for one in motions]
+        return [
+            replace(one, standing=used._asdict()) for one, (used,) in zip(found, uses, strict=True)
+        ]
 
     def glance(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
-        """Simulates motions without parameter uncertainty, as a lower bound."""
+        """Simulates motions without parameter uncertainty, as quick lower bound of heights."""
         return replace(self, model=replace(self.model, covariance=None))(motions)
 
 
 def _higher(one: CheckedMotion, other: CheckedMotion) -> CheckedMotion:
-    """Raises a motion's upper heights to those of another model where these are higher."""
+    """Raises a motion's upper bounds of heights and shares to another model's, where higher."""
     return replace(
         one,
         upper=max(one.upper, other.peak),
         residual_upper=max(one.residual_upper, other.residual),
+        standing={name: max(used, other.standing[name]) for name, used in one.standing.items()},
     )
 
 
@@ -172,7 +174,7 @@ def _squared(one: CheckedMotion, other: CheckedMotion) -> tuple[float, float]:
 def checked(
     model: Model, motions: Sequence[PlannedMotion], attitude: Array | None
 ) -> list[CheckedMotion]:
-    """Simulates motions that start from rest.
+    """Simulates motions that start with liquid at rest; returns their maximum heights.
 
     Args:
         model: the model.
@@ -200,6 +202,20 @@ def heights_after(
     inputs = _with_rest(motion, horizon(models[0]), attitude)
     for model, heights in zip(models, wall_heights(models, inputs), strict=True):
         yield _finite(msh_of(model.container, heights))
+
+
+def standing_uses(
+    models: Sequence[Model], motion: PlannedMotion, attitude: Array | None, loose: LooseContainer
+) -> Iterator[StandingUse]:
+    """Simulates a motion with many models; yields the friction and support base that each uses.
+
+    Args:
+        models, motion, attitude: as of `heights_after`.
+        loose: how the container stands.
+    """
+    inputs = _with_rest(motion, horizon(models[0]), attitude)
+    for model in models:
+        yield standing_use(model, loose.standing, inputs, np.array(loose.place))
 
 
 def _with_rest(motion: PlannedMotion, seconds: float, attitude: Array | None) -> Inputs:

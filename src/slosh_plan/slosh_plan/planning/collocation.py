@@ -46,7 +46,7 @@ class LegUnknowns:
 
     @classmethod
     def after(cls, begin: int, count: int, layout: StateLayout) -> LegUnknowns:
-        """Creates the indices of `count` intervals, starting at the index `begin`."""
+        """Creates the indices of the unknowns of `count` intervals, from index `begin` on."""
         shapes = ((count + 1, layout.size), (count, layout.driven), (count, layout.waves))
         arrays, at = [], begin + 1
         for shape in shapes:
@@ -56,7 +56,7 @@ class LegUnknowns:
 
     @property
     def end(self) -> int:
-        """Index after the last unknown of the leg."""
+        """Index after the last unknown of this leg of the path."""
         return int(self.middles[-1, -1]) + 1
 
     @property
@@ -93,7 +93,7 @@ class CollocationProblem:
         yaw: of the container [rad].
         counts: intervals of each leg.
         layout: of the states.
-        loose: how the container stands on its tray; None: it is held.
+        loose: how the container stands on its tray, with each liquid; empty: it is held.
 
     Attributes:
         legs: where each leg's unknowns stand; behind them all stands a residual's
@@ -108,7 +108,7 @@ class CollocationProblem:
         yaw: float,
         counts: Sequence[int],
         layout: StateLayout,
-        loose: LooseTerms | None = None,
+        loose: tuple[LooseTerms, ...] = (),
     ) -> None:
         ca = casadi()
 

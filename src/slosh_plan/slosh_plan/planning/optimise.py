@@ -33,7 +33,7 @@ _OPTIONS = {
 
 
 def available() -> bool:
-    """Returns whether CasADi is installed."""
+    """Returns whether the library CasADi is installed."""
     return importlib.util.find_spec("casadi") is not None
 
 
@@ -56,7 +56,7 @@ class LegGuess:
 
     @property
     def tilts(self) -> bool:
-        """Whether the container tilts."""
+        """Whether the container tilts in the initial guess."""
         return len(self.controls[0]) > 1
 
     def slowed(self, factor: float) -> LegGuess:
@@ -97,7 +97,7 @@ class PathSearch:
         yaw: of the container [rad].
         durations: of the legs as far as they are known [s]: the nodes are laid out by them.
         tilting: whether the container may tilt.
-        loose: how the container stands on its tray; None: it is held.
+        loose: how the container stands on its tray, with each liquid; empty: it is held.
 
     Attributes:
         counts: intervals of each leg.
@@ -112,7 +112,7 @@ class PathSearch:
         durations: Sequence[float],
         *,
         tilting: bool = False,
-        loose: LooseTerms | None = None,
+        loose: tuple[LooseTerms, ...] = (),
     ) -> None:
         self.counts = node_counts(durations)
         self.layout = StateLayout(tilting, len(flows))
@@ -133,7 +133,7 @@ class PathSearch:
         seconds: float,
         stop: Callable[[], bool] = never,
     ) -> PathSolution:
-        """Solves the optimisation from an initial guess.
+        """Solves the optimisation from an initial guess; returns motion and status.
 
         Args:
             limits: to be kept.

@@ -18,6 +18,7 @@ from slosh_plan.planning.path import Path
 from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, plan
 from slosh_plan.planning.progress import Watch
 from slosh_plan.planning.robust import LikelyHeights, likely_use, plan_robust
+from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.prediction import ModelError, Prediction, check_start
 from slosh_plan.start import LiquidStates, state_of
 from slosh_plan.trajectory import Trajectory
@@ -62,7 +63,7 @@ def plan_tray(
     error: ModelError | None = None,
     robust: bool = False,
 ) -> TrayPlan:
-    """Plans for the container with the lowest limit, and for another one if necessary.
+    """Plans for the container with the lowest limit; plans again if another one exceeds its own.
 
     A plan counts where its simulation keeps the limits of all. Where it exceeds that of another
     container the next plan is made for that one, each time with a limit that is lower by as much
@@ -96,7 +97,7 @@ def plan_tray(
         motion = answer.plan.found.motion
         use = {
             name: max(
-                likely_use(by_name[name].placed, motion, each.limits, attitude, margin, error)
+                _likely(by_name[name], motion, each, attitude, margin, error)
                 if robust
                 else _use(each, margin),
                 *found.standing.get(name, (0.0,)),
@@ -201,7 +202,7 @@ def check_plan_from(
 
 @contextmanager
 def _named(container: str) -> Iterator[None]:
-    """Names the container of a tray in a SloshPlanError."""
+    """Adds the container's name to a SloshPlanError that the enclosed block raises."""
     try:
         yield
     except SloshPlanError as error:
@@ -218,6 +219,19 @@ def _use(found: Prediction, margin: float) -> float:
     """Returns what fraction of its limits a container uses."""
     height, residual = found.limits.height, found.limits.residual
     return max((found.upper + margin) / height, (found.residual_upper + margin) / residual)
+
+
+def _likely(
+    one: TrayContainer,
+    motion: PlannedMotion,
+    found: Prediction,
+    attitude: Array | None,
+    margin: float,
+    error: ModelError | None,
+) -> float:
+    """Returns what fraction of its limits a container uses for all likely parameters."""
+    loose = LooseContainer.of(one)
+    return likely_use(one.placed, motion, found.limits, attitude, margin, error, loose)
 
 
 def _predicted(

@@ -18,25 +18,35 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_model.model import Model
-from slosh_plan.planning.checked import CheckedMotion, heights_after
+from slosh_plan.planning.checked import (
+    CheckedMotion,
+    LooseContainer,
+    heights_after,
+    standing_uses,
+)
 from slosh_plan.planning.likely import LikelyModels
-from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.limits import STANDING_LIMITS, PlanLimits
 from slosh_plan.planning.optimise import PathSearch
 from slosh_plan.planning.search import Legs, OptimalSearch, lowered, resumed, waves_of
 from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.prediction import ModelError
 from slosh_plan.tuning import TUNING
 
-HEIGHTS = ("height", "residual")
+JUDGED = ("height", "residual", *STANDING_LIMITS)
+"""Limits of which a motion uses another share with each model."""
+STANDING_PARTS = 10
+"""Parts into which models are divided: the first with one that slides or tips is the last."""
 
 
 class Judged(NamedTuple):
-    """A motion, simulated with all likely models.
+    """A motion, with its heights in each of the likely models.
 
     Attributes:
-        motion: its upper heights are those of all models, with the model's measured error.
+        motion: its upper heights are those of all models, with the model's measured error, and
+            its shares of friction and base are the largest of all models.
         heights: (models, 2) greatest heights in the motion and after its end [m].
-        used: (models, 2) shares of both limits that the heights use, with the model's error.
+        used: (models, 4) shares of the limits JUDGED that are used, with the model's error; 0 of
+            the last two for models that were not looked at, or where the container is held.
         legs: where another search may start; empty: the motion is not of a search.
     """
 
@@ -72,6 +82,32 @@ def upper_heights(
     return heights, upper
 
 
+def likely_standing(
+    models: Sequence[Model],
+    motion: PlannedMotion,
+    attitude: Array | None,
+    loose: LooseContainer,
+    limits: tuple[float, float] = (1.0, 1.0),
+) -> Array:
+    """Returns the shares (models, 2) of friction and base that a motion uses with many models.
+
+    Where some models exceed a limit not all others are looked at; their shares are 0.
+
+    Args:
+        models, motion, attitude: as of `upper_heights`.
+        loose: how the container stands.
+        limits: of these shares.
+    """
+    found = np.zeros((len(models), len(STANDING_LIMITS)))
+    for begin in range(STANDING_PARTS):
+        part = models[begin::STANDING_PARTS]
+        if part:
+            found[begin::STANDING_PARTS] = list(standing_uses(part, motion, attitude, loose))
+        if (found > limits).any():
+            break
+    return found
+
+
 class RegionFound(NamedTuple):
     """Result of the search for the fastest motion that is safe with all likely models.
 
@@ -88,7 +124,7 @@ class RegionFound(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RegionSearch:
-    """Searches a motion for all likely models.
+    """Searches the fastest motion that keeps the limits in all likely models.
 
     Attributes:
         search: of the model's own motion, with the limits and the time.
@@ -103,18 +139,25 @@ class RegionSearch:
     ) -> Judged:
         """Simulates a motion with the given models, or with all likely models."""
         check, limits = self.search.check, self.search.limits
-        heights, upper = upper_heights(
-            models or self.likely.models, motion.motion, check.attitude, check.error
-        )
+        models = models or self.likely.models
+        heights, upper = upper_heights(models, motion.motion, check.attitude, check.error)
+        shares, allowed = np.zeros_like(upper), (limits.friction, limits.tipping)
+        if check.loose is not None:
+            shares = likely_standing(
+                models, motion.motion, check.attitude, check.loose, allowed
+            )  # fmt: skip
         peak, residual = upper.max(axis=0).tolist()
+        largest = dict(zip(STANDING_LIMITS, shares.max(axis=0).tolist(), strict=True))
         raised = replace(
             motion, upper=max(motion.upper, peak),
             residual_upper=max(motion.residual_upper, residual),
+            standing={name: max(used, largest[name]) for name, used in motion.standing.items()},
         )  # fmt: skip
-        return Judged(raised, heights, upper / [limits.height, limits.residual], legs)
+        used = np.hstack([upper / [limits.height, limits.residual], shares / allowed])
+        return Judged(raised, heights, used, legs)
 
     def run(self, motion: CheckedMotion, legs: Legs) -> RegionFound:
-        """Searches from the motion for the model's own parameters.
+        """Searches the motion, starting from the motion for the model's own parameters.
 
         Args:
             motion: that one.
@@ -130,8 +173,8 @@ class RegionSearch:
             new = self.far(now.used, chosen, TUNING.robust_near) if adding else []
             excess = now.motion.excess(search.limits)
             if new:
-                asked = replace(asked, height=fresh.height, residual=fresh.residual)
-                excess |= dict.fromkeys(HEIGHTS, 0.0)
+                asked = replace(asked, **{name: getattr(fresh, name) for name in JUDGED})
+                excess |= dict.fromkeys(JUDGED, 0.0)
             # What a lower limit did not mend needs larger steps.
             times = 0 if new else times + 1
             step = 2.0 ** max(times - 1, 0)
@@ -178,7 +221,7 @@ class RegionSearch:
     def _solved(
         self, start: Judged, chosen: list[int], new: list[int], asked: PlanLimits
     ) -> Judged | None:
-        """Optimises from a motion; None if no start leads to a solution."""
+        """Optimises a motion for chosen likely models; None if every initial guess fails."""
         order = sorted([*chosen, *new], key=lambda place: -float(start.used[place].max()))
         places = order[: TUNING.robust_liquids]
         others = [self.likely.models[place] for place in places]
@@ -200,7 +243,7 @@ class RegionSearch:
         asked: PlanLimits,
         factors: Sequence[float],
     ) -> Iterator[tuple[PathSearch, Legs]]:
-        """Yields an optimisation with an initial guess, and others in case that it fails."""
+        """Yields the optimisations to try one after the other, each with an initial guess."""
         problem = self._problem(start.legs, others)
         for factor in factors:
             legs = tuple(leg.slowed(factor) for leg in start.legs)
@@ -232,10 +275,10 @@ class RegionSearch:
         return waves_of([self.search.check.model, *others], motion)
 
     def far(self, used: Array, chosen: list[int], near: float) -> list[int]:
-        """Returns models that are far above each limit and differ from those already chosen.
+        """Returns models that exceed a limit the most and differ from those already chosen.
 
         Args:
-            used: (models, 2) shares of the limits.
+            used: (models, limits) shares of the limits.
             chosen: models.
             near: excess that is not far, as a share of the limit.
         """

@@ -28,7 +28,13 @@ from slosh_plan.planning.plan import (
     tilting,
 )
 from slosh_plan.planning.progress import Watch
-from slosh_plan.planning.region_search import Judged, RegionFound, RegionSearch, upper_heights
+from slosh_plan.planning.region_search import (
+    Judged,
+    RegionFound,
+    RegionSearch,
+    likely_standing,
+    upper_heights,
+)
 from slosh_plan.planning.search import OptimalSearch
 from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.prediction import ModelError
@@ -57,7 +63,7 @@ class LikelyHeights:
 
 
 class RobustPlan(NamedTuple):
-    """A plan for all likely parameters of the model.
+    """A plan that keeps the limits for all likely parameters of the model.
 
     Attributes:
         plan: the plan.
@@ -84,8 +90,7 @@ def plan_robust(
 
     Args:
         model: the model, with the covariance of its parameters.
-        path, limits, attitude, margin, error, time_limit, watch, loose: as of `plan`; a loose
-            container keeps its place for the model's own parameters.
+        path, limits, attitude, margin, error, time_limit, watch, loose: as of `plan`.
 
     Raises:
         NoSafeMotionError: no motion keeps the limits for all of them.
@@ -129,7 +134,7 @@ def plan_robust(
 
 
 def _known_law(region: RegionSearch, best: Judged | None) -> tuple[Scaled | None, Judged]:
-    """Returns the fastest standard time law safe for all likely models, and the best motion.
+    """Returns the fastest safe standard law, None if slower than `best`, and the faster motion.
 
     Args:
         region: the search.
@@ -166,18 +171,22 @@ def likely_use(
     attitude: Array | None,
     margin: float,
     error: ModelError | None,
+    loose: LooseContainer | None = None,
 ) -> float:
-    """Returns the largest fraction of its height limits that a motion uses for likely models.
+    """Returns the largest fraction of its limits that a motion uses for likely models.
 
     Args:
         model: the model, with the covariance of its parameters.
         motion: the motion.
         limits: of the heights.
-        attitude, margin, error: as of `plan`.
+        attitude, margin, error, loose: as of `plan`; a loose container may use all that holds it.
 
     Raises:
         SloshPlanError: the model has no covariance.
     """
     likely = likely_models(model if motion.attitude is None else model.with_gravity_tilt())
     _, upper = upper_heights(likely.models, motion, attitude, error)
-    return float(((upper + margin) / [limits.height, limits.residual]).max())
+    used = float(((upper + margin) / [limits.height, limits.residual]).max())
+    if loose is None:
+        return used
+    return max(used, float(likely_standing(likely.models, motion, attitude, loose).max()))

@@ -17,10 +17,10 @@ from slosh_model import Inputs, Model, simulate
 from slosh_plan.planning.checked import CheckedMotion, Checker, attitudes
 from slosh_plan.planning.flow import first_mode, flow_of
 from slosh_plan.planning.interval import CHAIN
-from slosh_plan.planning.known_laws import LONGEST, Scaled, fastest, leg_durations
+from slosh_plan.planning.known_laws import LONGEST, Scaled, leg_durations
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.loose_terms import LooseTerms
-from slosh_plan.planning.optimise import LegGuess, PathSearch
+from slosh_plan.planning.optimise import LegGuess, PathSearch, PathSolution
 from slosh_plan.planning.path import Leg, Path
 from slosh_plan.planning.progress import Watch
 from slosh_plan.planning.time_law import (
@@ -38,12 +38,12 @@ Legs = tuple[LegGuess, ...]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
-    """Result of one search for an optimal time law.
+    """Result of one search for a path's optimal time law.
 
     Attributes:
         motion: that keeps the limits; None: there is none.
         legs: where another search may start; empty: the motion is not of a search.
-        words: why there is none, or why it is slower than the search's.
+        words: why there is none, or no other than the known law.
     """
 
     motion: CheckedMotion | None
@@ -81,7 +81,7 @@ class OptimalSearch:
     watch: Watch
 
     def run(self) -> Found:
-        """Returns the best motion, and the reason if it is only a known time law."""
+        """Returns the best motion, and the reason if its time law is only a standard one."""
         best, last = Found(self.scaled.found), "the search found nothing faster"
         if self.over():
             return replace(best, words=self.why_over())
@@ -118,16 +118,18 @@ class OptimalSearch:
     def problem(
         self, durations: Sequence[float], *, tilting: bool, others: Sequence[Model] = ()
     ) -> PathSearch:
-        """Creates the optimisation along the path.
+        """Creates the optimisation of the motion along the path.
 
         Args:
             durations: of the legs, about [s].
             tilting: whether the container may tilt.
             others: models with other parameters, whose liquids keep the limits, too.
         """
-        flows = [flow_of(model) for model in (self.check.model, *others)]
-        loose = self.check.loose
-        terms = None if loose is None else LooseTerms.of(self.check.model, loose.standing)
+        models, loose = (self.check.model, *others), self.check.loose
+        terms = (
+            () if loose is None else tuple(LooseTerms.of(one, loose.standing) for one in models)
+        )
+        flows = [flow_of(model) for model in models]
         return PathSearch(flows, self.path, self.yaw, durations, tilting=tilting, loose=terms)
 
     def _enough(self, best: Found) -> bool:
@@ -138,18 +140,14 @@ class OptimalSearch:
     def _tightened(self, problem: PathSearch, guess: Legs, best: Found) -> Found:
         """Repeats the optimisation with reduced limits until the simulation keeps the limits.
 
-        What is not faster than the best so far is not gone on with. Where a repetition fails, the
-        last solution is slowed.
+        What is not faster than the best so far is not gone on with.
         """
-        asked, last = self.nominal.reduced(TUNING.ahead), Legs()
+        factors: Sequence[float]
+        asked, factors = self.nominal.reduced(TUNING.ahead), (1.0,)
         words = f"the search kept exceeding a limit after {TUNING.search_rounds} rounds"
         for _ in range(TUNING.search_rounds):
-            if self.over():
-                words = self.why_over()
-                break
-            left = self.time_limit - self.watch.elapsed
-            solution = problem.solve(asked, guess, left, self.over)
-            if not solution.converged and self.over():
+            solution = self._solved(problem, guess, asked, factors)
+            if solution is None or (not solution.converged and self.over()):
                 words = self.why_over()
                 break
             found = self.checked(solution.legs)
@@ -162,38 +160,35 @@ class OptimalSearch:
             if not faster:
                 words = "the search found nothing faster"
                 break
-            guess = last = solution.legs
+            guess, factors = solution.legs, TUNING.repeated
             asked = lowered(asked, found.excess(self.limits))
-        return self._slowed(last, best, words)
+        return Found(None, words=words)
 
-    def _slowed(self, legs: Legs, best: Found, words: str) -> Found:
-        """Returns a solution that exceeds a limit, uniformly slowed until all limits are kept.
+    def _solved(
+        self, problem: PathSearch, guess: Legs, asked: PlanLimits, factors: Sequence[float]
+    ) -> PathSolution | None:
+        """Optimises from a guess slowed by each factor, until one converges; None: time is up.
 
-        Args:
-            legs: the solution; empty: there is none.
-            best: what it is to be faster than.
-            words: why the search ended.
+        From a motion at the very limits, which are now a little lower, the solver may not find
+        back; a slower one is well within those of acceleration, jerk and joints.
         """
-        if not legs or self.watch.stopped():
-            return Found(None, words=words)
-        whole = sum(leg.duration for leg in legs)
-
-        def make(duration: float, step: float) -> PlannedMotion:
-            return self._motion(legs, duration / whole, step)
-
-        found = fastest(self.check, make, self.limits, best.duration, self.watch.stopped)
-        if found is None:
-            return Found(None, words=words)
-        factor = found.motion.duration / whole
-        slower = f"{words}: its last motion, {100.0 * (factor - 1.0):.1f} % slower"
-        return Found(found, tuple(leg.slowed(factor) for leg in legs), slower)
+        solution = None
+        for factor in factors:
+            if self.over():
+                break
+            left = self.time_limit - self.watch.elapsed
+            start = tuple(leg.slowed(factor) for leg in guess)
+            solution = problem.solve(asked, start, left, self.over)
+            if solution.converged:
+                break
+        return solution
 
     def over(self) -> bool:
-        """Returns whether the search must end."""
+        """Returns whether the search must end: time is used up or a stop is requested."""
         return self.watch.stopped() or self.watch.elapsed >= self.time_limit
 
     def why_over(self) -> str:
-        """Describes why the search must end."""
+        """Describes why the search must end: time limit or stop request."""
         late = self.watch.elapsed >= self.time_limit
         return "the search's time was up" if late else "the search was stopped"
 
@@ -246,7 +241,7 @@ def _tilt_of(legs: Legs, factor: float, t: np.ndarray, yaw: float) -> Tilt:
 
 
 def lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
-    """Reduces the exceeded limits by their excess."""
+    """Lowers each exceeded limit by its relative excess, for the next optimisation."""
     lower = {
         name: getattr(limits, name) / (1.0 + min(share, 1.0)) * (1.0 - TUNING.slack)
         for name, share in excess.items()
@@ -256,7 +251,7 @@ def lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
 
 
 def guess_of(model: Model, path: Path, start: Scaled, search: PathSearch, factor: float) -> Legs:
-    """Creates the initial guess of an optimisation from a motion with a known time law.
+    """Creates the initial guess of an optimisation from a motion with a standard time law.
 
     Args:
         model: of the liquid.
@@ -285,7 +280,7 @@ def guess_of(model: Model, path: Path, start: Scaled, search: PathSearch, factor
 
 
 def waves_of(models: Sequence[Model], motion: PlannedMotion) -> Callable[[Array], Array]:
-    """Simulates a motion; returns a function of time with the first mode of each model."""
+    """Simulates a motion; returns the first mode's state in each model as function of time."""
     turned = attitudes(motion, None, len(motion.t))
     inputs = Inputs(motion.t, motion.acceleration, turned)
     modal = np.hstack([first_mode(model, simulate(model, inputs)[0].modal) for model in models])

@@ -13,7 +13,7 @@ from slosh_replay.fleet.store import FleetStore
 
 
 class Ingested(NamedTuple):
-    """Result of ingesting one bag.
+    """Result of adding the motions of one bag to the fleet store.
 
     Attributes:
         motions: number of motions in the bag.
@@ -27,7 +27,7 @@ class Ingested(NamedTuple):
 
 
 def ingest(bag: Path, store: FleetStore) -> Ingested:
-    """Stores the motions of a bag; a bag that has not changed since is not read again.
+    """Adds a bag's motions to the fleet store; skips a bag that has not changed since it was read.
 
     It may be interrupted at any moment and repeated: each file of the store appears as a whole,
     and the bag is noted as ingested only after its last file.

@@ -1,6 +1,6 @@
 """Makes example results of discoveries with every verdict, for tests and for viewing pages.
 
-tools/run python tools/example_finding.py named -o page.html
+tools/run python -m slosh_testing.example_finding named -o page.html
 """
 
 from __future__ import annotations
