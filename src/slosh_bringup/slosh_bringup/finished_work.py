@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import shutil
 import types
 import typing
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from enum import Enum
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -72,7 +72,10 @@ class FinishedWork:
 
     def forget(self) -> None:
         """Removes all notes: the next run works on every item again."""
-        shutil.rmtree(self._folder, ignore_errors=True)
+        for note in self._folder.glob("*.json"):
+            note.unlink(missing_ok=True)
+        with suppress(OSError):  # there is none, or it holds what is no note
+            self._folder.rmdir()
 
     def _note(self, name: str) -> Path:
         return self._folder / f"{name}.json"
