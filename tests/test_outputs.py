@@ -197,6 +197,7 @@ def test_an_output_that_is_an_input_is_refused(own, tmp_path, monkeypatch, capsy
         ("identify SHOP/motion.csv --model SHOP/model.yaml -o SHOP", "SHOP: exists already"),
         ("new SHOP --radius 0.05 --fill-height 0.07", "SHOP: exists already"),
         ("discover SHOP/recording --from-bag -o SHOP/recording/new", "is inside the input"),
+        ("discover --each SHOP/recording --from-bag -o SHOP", "SHOP: exists already"),
         (
             "plan SHOP/model.yaml SHOP/path.csv --limit 0.02 -o SHOP/new.csv --report SHOP",
             "SHOP: exists already",

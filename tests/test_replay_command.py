@@ -3,6 +3,7 @@
 import argparse
 import json
 import math
+import os
 import re
 import shutil
 from pathlib import Path
@@ -15,7 +16,9 @@ from slosh_bag.reader import BagReader
 from slosh_bringup.cli import replay as replay_command
 from slosh_bringup.cli.main import main
 from slosh_bringup.cli.replay import find_bags
+from slosh_bringup.replay import task as task_module
 from slosh_bringup.replay.task import unique_names
+from slosh_replay.replay import replay_bag
 from slosh_testing.live_bag import TEXT, LiveBag
 
 
@@ -218,6 +221,35 @@ def test_outputs_are_a_page_figures_a_bag_and_an_index(recorded, tmp_path, capsy
     figures = json.loads((output / "a.json").read_text())
     assert figures["replay"]["verification"]["exact"]
     assert BagReader(output / "a").topics()["/slosh/estimate"].count == 1500
+
+
+def test_an_interrupted_replay_goes_on_with_the_rest(bags, tmp_path, capsys, monkeypatch):
+    done, stop = [], {"at": 2}
+
+    def counted(run, *given, **options):
+        if len(done) == stop["at"]:
+            raise KeyboardInterrupt
+        done.append(run.path.name)
+        return replay_bag(run, *given, **options)
+
+    monkeypatch.setattr(task_module, "replay_bag", counted)
+    words = [bags, "-o", tmp_path / "out", "--json", "--check"]
+    assert replay(capsys, *words)[0] == 1
+    first = list(done)
+    assert len(first) == 2
+    done.clear()
+    stop["at"] = 99
+    # One of them has changed since: the other one is left.
+    (recording,) = (bags / first[1]).glob("*.mcap")
+    os.utime(recording, ns=(1, 1))
+    code, out, errors = replay(capsys, *words)
+    assert first[0] not in done
+    assert first[1] in done
+    assert "slosh replay: 1 of 3 bags were replayed by the interrupted run" in errors
+    # The same as in one go, and the run after a whole one is a new one.
+    done.clear()
+    assert replay(capsys, *words)[:2] == (code, out)
+    assert len(done) == 3
 
 
 def test_a_recording_is_never_taken_for_an_old_output(bags, capsys):

@@ -228,13 +228,13 @@ def _noise(random: Random, changes: list[float]) -> float:
 
 
 def _sane(truth: Truth, motion: Inputs) -> bool:
-    """Whether the simulated wave stays finite and below a share of the cup's radius."""
+    """Whether the simulated wave is finite and lower than a fraction of the cup's radius."""
     height = float(np.max(simulate(truth, motion).msh))
     return bool(np.isfinite(height) and height < LARGEST_SHARE * truth.radius)
 
 
 def _lacking(plan: _Plan) -> dict[str, Truth]:
-    """Returns, by hidden effect, the true liquid without this effect."""
+    """Returns, for each hidden effect, the true liquid without this effect."""
     without = {name: plan.truth.without(name) for name in plan.hidden}
     if plan.wrong is not None:
         without[plan.wrong[0]] = _with_parameter(plan.truth, plan.wrong[0], plan.wrong[1])
@@ -250,7 +250,7 @@ def _equivalent(plan: _Plan) -> tuple[frozenset[str], ...]:
 
 
 def _plan(random: Random, kind: str, names: tuple[str, ...]) -> _Plan | None:
-    """Draws base model, hidden effects and needs of the motions; None if they conflict."""
+    """Draws base model, hidden effects and requirements on the motions; None if they conflict."""
     traits = tuple({**LISTED, **OUTSIDE}[name] for name in names)
     base = _base(random, traits)
     need = _need(random, traits, base, names)
@@ -288,7 +288,7 @@ def _base(random: Random, traits: tuple[Hidden, ...]) -> Truth:
 def _need(
     random: Random, traits: tuple[Hidden, ...], base: Truth, names: tuple[str, ...]
 ) -> Need | None:
-    """Combines what the hidden effects need of the motions; None if that conflicts."""
+    """Combines what the hidden effects require of the motions; None if that is contradictory."""
     needs = [trait.need for trait in traits]
     upright = any(trait.upright for trait in traits)
     yaw, tilt = (any(getattr(need, name) for need in needs) for name in ("yaw", "tilt"))
@@ -308,7 +308,7 @@ def _need(
 
 
 def _wrong(random: Random, base: Truth, names: tuple[str, ...]) -> tuple[str, float, float] | None:
-    """Draws a parameter of the base model that is wrong: name, wrong and right value."""
+    """Draws a base model parameter that is wrong: its name, the wrong and the true value."""
     which = str(random.choice(WRONG))
     if NAMED_AS[which] in names:
         return None

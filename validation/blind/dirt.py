@@ -50,7 +50,7 @@ class Dirt:
     tag: str = "dirty"
 
     def late(self, random: Random, count: int) -> Array:
-        """Draws by how much stamps (M,) are later than their images [s]."""
+        """Draws delays of the image stamps (M,) after the images were taken [s]."""
         return random.uniform(-self.jitter, self.jitter, count)
 
     def errors(self, random: Random, shape: tuple[int, int], noise: float) -> Array:
@@ -103,7 +103,7 @@ QUANTA = (0.0, 0.0, 0.0, 0.01, 0.04)
 
 
 def noisy_inputs(index: int) -> Dirt:
-    """Returns errors of an accelerometer only; they differ between neighbouring cases.
+    """Returns input errors of an accelerometer alone, which depend on the case's number.
 
     Cases that hide the same effect, one list apart, have another noise, too.
     """

@@ -1,4 +1,4 @@
-"""Computes from a motion table what acts on the simulated liquid at any time."""
+"""Computes the inputs of the simulated liquid at any time from a motion table."""
 
 from __future__ import annotations
 

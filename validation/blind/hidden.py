@@ -70,7 +70,7 @@ def _cubic(random: Random, _: Truth) -> dict[str, float]:
 
 
 def changing(least: float, most: float, settled: float) -> Draw:
-    """Returns a function that draws the parameters of an effect that grows or falls with time.
+    """Returns a function that draws the parameters of an effect that changes with time.
 
     Args:
         least, most: the factor from the first to the last, or its inverse.

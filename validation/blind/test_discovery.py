@@ -47,7 +47,7 @@ def test_a_case_is_answered_rightly(kind, index, effect, dirt):
 
 
 def test_the_noise_of_a_dirty_case_with_an_unknown_zero_is_measured():
-    """Above the liquid's band its heights tell of ever slower a noise, which is not there below.
+    """Tests noise estimation with correlated noise that lies mostly above the liquid's band.
 
     Taken for that, noise and jitter made a model that lacks nothing `unexplained`.
     """
@@ -66,7 +66,7 @@ def test_the_noise_of_a_dirty_case_with_an_unknown_zero_is_measured():
 
 
 def test_a_strongly_damped_second_mode_is_found_from_one_of_its_starts():
-    """A smaller damping ratio is a trap here, beside waves that are high in both modes."""
+    """Tests that a strongly damped second mode is found despite a local optimum of the fit."""
     case = make_case("wrong_parameter", 2, 409)
     (effect,), motions = case.hidden, [prepare(motion) for motion in case.motions]
     _, given, true = case.wrong

@@ -33,7 +33,7 @@ def motion(rate=250.0, size=3.0, lift=2.0):
 
 
 def turning(inputs, yaw=0.0, lean=0.0):
-    """Returns a motion with a smooth yaw about the cup's axis and a lean in a fixed direction."""
+    """Returns a motion in which the cup yaws smoothly and leans in a fixed direction."""
     angle = 0.5 - 0.5 * np.cos(np.pi * inputs.t / inputs.t[-1])
     zero = np.zeros_like(angle)
     side = np.array([0.6, 0.8, 0.0])

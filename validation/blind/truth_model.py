@@ -54,7 +54,7 @@ class Truth:
         return self.effects.get(effect, {}).get(parameter, neutral)
 
     def growth(self, effect: str, session_time: float, elapsed: Array) -> Array:
-        """Returns the factor by which an effect has grown since its session or motion began."""
+        """Returns the factor by which an effect has grown since its recordings or motion began."""
         by_session, by_motion = (self.value(effect, key, 0.0) for key in ("session", "motion"))
         exponent = by_session * (session_time + elapsed) + by_motion * elapsed
         return np.asarray(self.value(effect, "start", 1.0) * np.exp(exponent))

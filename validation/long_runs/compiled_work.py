@@ -1,4 +1,4 @@
-"""Programs that compile functions in different orders, and one that compares their results.
+"""Programs that compile functions in different orders, and one that compares the results.
 
     python validation/long_runs/compiled_work.py WORK [FOLDER]
 

@@ -156,7 +156,7 @@ def _moments(begun: float, every: float) -> Iterator[float]:
 
 
 def _kept(watching: list[Viewer], wanted: int, seen: Observed) -> list[Viewer]:
-    """Returns the viewers that are still connected, with new ones for those that are not."""
+    """Returns the connected viewers, with new viewers in place of disconnected ones."""
     left = [viewer for viewer in watching if viewer.is_alive()]
     seen.frames += [len(viewer.ages) for viewer in watching if not viewer.is_alive()]
     while len(left) < wanted:
@@ -178,7 +178,7 @@ def write_seen(path: Path, seen: Observed) -> None:
 
 
 class Stream(NamedTuple):
-    """Stamps of a recorded stream of messages, and the stamps that it should have.
+    """Recorded stamps of a stream of messages, and the stamps that were expected.
 
     Attributes:
         stamps: (N,) of its messages, rising [ns].
@@ -224,7 +224,7 @@ def print_gaps(bags: Sequence[Path], kills: Sequence[tuple[int, str]]) -> int:
 
 
 def recorded_streams(read: Mapping[str, Mapping[str, NDArray[np.int64]]]) -> dict[str, Stream]:
-    """Returns each stream's recorded stamps, with those that the recorded inputs imply."""
+    """Returns each stream's recorded stamps, and those expected from the recorded inputs."""
     accel, surface, comparison, image = (
         np.unique(stamps_of(read[name]))
         for name in ("accel", "free_surface", "comparison", "cell/truth")

@@ -173,7 +173,7 @@ def report(
 
 
 def has_grown(name: str, sizes: list[float], every: float) -> bool:
-    """Prints a node's memory at each event [MB]; returns whether it goes on growing."""
+    """Prints a node's memory at each event [MB]; returns whether the memory still grows."""
     # At first buffers are filled and code is read.
     settled = sizes[max(len(sizes) // 4, math.ceil(WARM / every)) :]
     half = len(settled) // 2

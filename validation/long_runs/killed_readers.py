@@ -138,7 +138,7 @@ class Reader:
                 self.told = tuple(map(int, line.split()))
 
     def kill_amid_messages(self) -> None:
-        """Kills the reader while it processes messages that waited during a stop."""
+        """Kills the reader while it processes messages that were queued while it was paused."""
         self.process.send_signal(SIGSTOP)
         time.sleep(0.3)
         self.process.send_signal(SIGCONT)

@@ -1,4 +1,4 @@
-"""Runs a cell for a month of short days, with failures, and audits what is left.
+"""Runs a cell for a simulated month of short days with failures, and checks its records.
 
     tools/run python -m validation.long_runs.month [--days 30] [-o out/month] [--table FILE.csv]
 
@@ -48,7 +48,7 @@ HARMLESS = frozenset({Trouble.BROKER_LOST, Trouble.BROKER_BACK, Trouble.FULL_DIS
 
 
 def main() -> int:
-    """Runs the month; returns 1 if something is not as it should be."""
+    """Runs the simulated month; returns 1 if a check of its records fails."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--days", type=int, default=30)
     parser.add_argument("-o", "--output", type=Path, default=Path("out/month"))
@@ -75,7 +75,7 @@ def main() -> int:
 
 
 def run_month(folder: Path, domain: int, count: int) -> Month:
-    """Runs all days and returns the month."""
+    """Runs all days of the simulated month and returns the result."""
     runs = folder / "runs"
     for path in (runs, folder / "words"):
         path.mkdir()
@@ -97,7 +97,7 @@ def run_month(folder: Path, domain: int, count: int) -> Month:
 
 
 def again(month: Month) -> None:
-    """Ingests all bags that are left once more: nothing new may come of it."""
+    """Ingests all remaining bags again, and reports a bag whose motions are stored twice."""
     bags = [str(bag.folder) for bag in month.left]
     done = month.site.slosh("ingest", *bags, "--store", str(month.site.store))
     if re_stored := done.stdout.count(" motions, stored\n"):
@@ -105,7 +105,7 @@ def again(month: Month) -> None:
 
 
 def rows_of(month: Month) -> Iterator[tuple[int, Row]]:
-    """Yields the stored motions with the number of days before today."""
+    """Yields each stored motion with the number of days between the motion and today."""
     sql = "SELECT begin_ns, duration, digest FROM motions ORDER BY begin_ns"
     done = month.site.slosh("query", sql, "--json", "--store", str(month.site.store))
     if done.returncode:
@@ -117,7 +117,7 @@ def rows_of(month: Month) -> Iterator[tuple[int, Row]]:
 
 
 def report(month: Month) -> list[tuple[str, str, bool]]:
-    """Returns the lines of the audit: what, the value, and whether it is as it should be."""
+    """Returns the checks of the month as lines: name, value, and whether the value is right."""
     by_day: dict[int, list[Row]] = {}
     for ago, row in rows_of(month):
         by_day.setdefault(ago, []).append(row)
@@ -212,7 +212,7 @@ def _rest(month: Month) -> Iterator[tuple[str, str, bool]]:
 
 
 def column_of(path: Path, name: str) -> list[str]:
-    """Returns a column of a Parquet file, which must be whole."""
+    """Reads a column of a Parquet file; raises an error if the file is incomplete."""
     return list(ParquetFile(path).read([name])[name].to_pylist())
 
 

@@ -1,4 +1,4 @@
-"""Audit of a month: is each motion stored or its loss told, and was every outage seen?"""
+"""Checks a month: each motion is stored or its loss reported, and each outage was noticed."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ GROWTH, BUFFERS = 1.05, 5.0  # 1, MB; what memory may grow from the first third 
 
 
 class Fate(Enum):
-    """What became of a motion."""
+    """What happened to a motion's data: stored, cut or lost, and whether a loss was reported."""
 
     STORED = "stored"
     CUT = "stored in part, told"
@@ -39,7 +39,7 @@ class Fate(Enum):
 
 
 class Row(NamedTuple):
-    """A stored motion: begin [ns since 1970], duration [s] and digest."""
+    """A stored motion: start [ns since 1970], duration [s] and digest."""
 
     begin_ns: int
     duration: float
@@ -47,7 +47,7 @@ class Row(NamedTuple):
 
 
 class Outage(NamedTuple):
-    """A time without a cell [s since 1970]."""
+    """A time span without a running cell, start and end [s since 1970]."""
 
     begin: float
     end: float
@@ -55,7 +55,7 @@ class Outage(NamedTuple):
 
 @dataclass(slots=True)
 class Shift:
-    """What a day has left.
+    """Records that remain of one day: bags, outputs of processes and diagnostics.
 
     Attributes:
         day: of the plan.
@@ -80,7 +80,7 @@ class Shift:
 
 
 class Counted(NamedTuple):
-    """Fates of a day's motions, how each loss was told, and rows that fit no motion."""
+    """What happened to a day's motions, how losses were reported, and unexpected rows."""
 
     fates: list[Fate]
     reasons: set[str]
@@ -90,7 +90,7 @@ class Counted(NamedTuple):
 def count_motions(
     shift: Shift, rows: Sequence[Row], clients: Clients, moments: Sequence[float]
 ) -> Counted:
-    """Returns what became of the motions of a day.
+    """Returns what happened to each motion of a day: stored, cut or lost.
 
     Args:
         shift: the day.
@@ -125,7 +125,7 @@ def count_motions(
 
 
 def _told(shift: Shift, clients: Clients, moment: float) -> str:
-    """Returns how the loss of a motion was told; empty: it was not."""
+    """Returns how the loss of a motion was reported; empty if it was not reported."""
     seen = list(clients.between("OPC UA", moment - PERIOD / 2, moment + PERIOD / 2))
     worse = {one.what for one in seen} - {GOOD}
     if worse:
@@ -138,12 +138,12 @@ def _told(shift: Shift, clients: Clients, moment: float) -> str:
 
 
 def moments_of(shift: Shift) -> list[float]:
-    """Returns the middle of each motion of a day, by this machine's clock [s since 1970]."""
+    """Returns the middle time of each motion of a day [s since 1970], by this machine's clock."""
     return [shift.began + PERIOD * number for number in range(shift.day.motions)]
 
 
 def late_losses(clients: Clients, outages: Sequence[Outage], deaf: Sequence[Outage]) -> list[str]:
-    """Returns a line for each outage that a client did not see within the second.
+    """Returns a line for each outage that a client did not notice within a second.
 
     Args:
         clients: of the PLC node.
@@ -164,7 +164,7 @@ def late_losses(clients: Clients, outages: Sequence[Outage], deaf: Sequence[Outa
 
 
 def grown(memories: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, float]]:
-    """Returns the nodes whose memory grew: mean of the first and the last third [MB]."""
+    """Returns the nodes whose memory grew, with the mean of the first and last third [MB]."""
     found = {}
     for name, sizes in memories.items():
         part = max(len(sizes) // 3, 1)
@@ -175,7 +175,7 @@ def grown(memories: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, flo
 
 
 def told_in(bags: Iterable[Path]) -> set[str]:
-    """Returns the WARN and ERROR diagnostics in bags, and what a damaged bag's reader says."""
+    """Returns the warnings and errors in bags: diagnostics, and those of reading a damaged bag."""
     found: set[str] = set()
     for bag in bags:
         try:

@@ -1,4 +1,4 @@
-"""The processes of a month's cell: nodes, robot, PLC node and broker, at a clock that is shifted.
+"""Processes of the simulated month: nodes, robot, PLC node and broker, with a shifted clock.
 
 `shifted_clock.c` shows them the day that the month has reached; steady clocks and the kernel's
 times of files are as they are. When a run has ended, its files get the time of its day.
@@ -32,7 +32,7 @@ LOW, HIGH = 0.003, 0.03
 
 
 class Clock:
-    """The month's clock: so many days behind today's.
+    """The shifted clock of the simulated month, a number of days behind the real one.
 
     Args:
         folder: for its library and the file that tells all processes which day it is.
@@ -50,21 +50,21 @@ class Clock:
         self.set(0)
 
     def set(self, ago: int) -> None:
-        """Sets the day, as a number of days before today; running processes see it at once."""
+        """Sets by how many days the clock is behind; running processes see it at once."""
         self.ago = ago
         with self._file.open("r+b") as mapped:
             mapped.write(struct.pack("=q", -round(DAY) * ago))
 
     def now(self) -> float:
-        """Returns the time that the cell's processes are shown [s since 1970]."""
+        """Returns the shifted time that the cell's processes see [s since 1970]."""
         return time.time() - DAY * self.ago
 
     def environment(self) -> dict[str, str]:
-        """Returns what a process needs for this clock."""
+        """Returns the environment variables with which a process uses the shifted clock."""
         return {"LD_PRELOAD": str(self._library), "SHIFTED_CLOCK": str(self._file)}
 
     def date_files(self, run: Path) -> None:
-        """Gives the files of a run that has ended the time of its day."""
+        """Sets the file times of a finished run to the simulated day."""
         for path in [*run.rglob("*"), run]:
             if not path.is_symlink():
                 state = path.stat()
@@ -73,7 +73,7 @@ class Clock:
 
 
 class Site:
-    """Folders, ports and files of the month's cell.
+    """Folders, TCP ports and files of the simulated month's cell.
 
     Args:
         folder: of the month.
@@ -118,30 +118,30 @@ class Site:
         )
 
     def environment(self) -> dict[str, str]:
-        """Returns the environment of the cell's processes."""
+        """Returns the environment variables of the cell's processes."""
         return self._own | self.clock.environment()
 
     def words(self, name: str) -> Path:
-        """Returns a new file for what a process says."""
+        """Returns the path of a new file for a process's output."""
         self._count += 1
         return self.folder / "words" / f"{self._count:03d}_{name}"
 
     def slosh(self, *words: str) -> subprocess.CompletedProcess[str]:
-        """Runs a `slosh` command on this day and returns what it says."""
+        """Runs a `slosh` command on the simulated day; returns exit code and output."""
         return subprocess.run(
             [sys.executable, "-m", "slosh_bringup.cli", *words],
             env=self.environment(), capture_output=True, text=True, check=False,
         )  # fmt: skip
 
     def start_cell(self, day: Day) -> LiveProcess:
-        """Starts `slosh cell`; see `wait_for`."""
+        """Starts `slosh cell` without waiting; see `wait_for`."""
         config = self.folder / ("events.yaml" if day.events else "complete.yaml")
         words = ("cell", "--config", str(config), "-o", str(self.runs))
         return LiveProcess(words, self.words(f"cell_{day.number}"), self.environment())
 
     @staticmethod
     def wait_for(cell: LiveProcess) -> None:
-        """Waits until a cell is ready."""
+        """Waits until a started cell reports that all nodes are ready."""
         cell.wait_until_ready()
         cell.wait_for_nodes(len(NODES))
 
@@ -171,5 +171,5 @@ class Site:
 
 
 def memory(processes: Mapping[str, int]) -> dict[str, float]:
-    """Returns the private memory of the processes that run [MB], by name."""
+    """Returns the private memory of the running processes [MB], by name."""
     return {name: resident(pid, own=True) for name, pid in processes.items() if alive(pid)}

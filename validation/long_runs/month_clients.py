@@ -1,4 +1,4 @@
-"""Clients of a cell's PLC node that note, all the time, whether they see good values."""
+"""Clients of a cell's PLC node that record continuously whether its values are good."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ AGAIN = 0.2  # s
 
 
 class Seen(NamedTuple):
-    """What a client saw at a time [s since 1970]."""
+    """What a client observed, good or bad values or no server, at a time [s since 1970]."""
 
     at: float
     what: str
 
 
 class Clients:
-    """Clients of four protocols in a thread; use it as a context manager.
+    """Clients of four protocols that run in a thread; use it as a context manager.
 
     Args:
         cell: name of the cell.
@@ -73,7 +73,7 @@ class Clients:
         self._thread.join(20.0)
 
     def between(self, protocol: str, begin: float, end: float) -> Iterator[Seen]:
-        """Yields what a client saw between two times [s since 1970]."""
+        """Yields the observations of a client between two times [s since 1970]."""
         return (one for one in list(self.seen[protocol]) if begin <= one.at <= end)
 
     def _note(self, protocol: str, what: str) -> None:
@@ -96,7 +96,7 @@ class Clients:
     async def _repeat(
         self, protocol: str, follow: Callable[[], Coroutine[Any, Any, None]]
     ) -> None:
-        """Connects again and again; whatever a library raises is a server that is gone."""
+        """Runs a client again and again; any exception counts as a lost server."""
         while True:
             with contextlib.suppress(Exception):
                 await follow()

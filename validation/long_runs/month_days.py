@@ -1,4 +1,4 @@
-"""Which days a month has: their motions, how the cell records, and what goes wrong on them."""
+"""Plan of the month's days: number of motions, kind of recording, and failures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RATE = 200.0  # Hz
 
 
 class Trouble(Enum):
-    """What goes wrong on a day, and how many more motions that day has."""
+    """A failure on a day, such as a full disk, with the number of additional motions."""
 
     BROKER_LOST = ("the MQTT broker is killed", 2)
     BROKER_BACK = ("the MQTT broker starts again", 3)
@@ -43,7 +43,7 @@ PLACES = {
 
 @dataclass(frozen=True, slots=True)
 class Day:
-    """A shift of the cell.
+    """One day of the simulated month, on which the cell runs once.
 
     Attributes:
         number: from 1.
@@ -59,17 +59,17 @@ class Day:
 
     @property
     def motions(self) -> int:
-        """How many motions the robot makes."""
+        """Number of motions that the robot makes on this day."""
         return PLAIN_MOTIONS + sum(trouble.motions for trouble in self.troubles)
 
     def moment(self, trouble: Trouble) -> float:
-        """Returns when a trouble begins, as a time since the middle of the first motion [s]."""
+        """Returns the time of a failure since the middle of the day's first motion [s]."""
         before = self.troubles[: self.troubles.index(trouble)]
         return PERIOD * (1 + sum(one.motions for one in before))
 
 
 def days_of(count: int) -> list[Day]:
-    """Returns the days of a month; each fifth without trouble records events only."""
+    """Returns the plan of all days; every fifth day without a failure records only events."""
     found = []
     for number in range(1, count + 1):
         troubles = tuple(

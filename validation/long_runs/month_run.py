@@ -1,4 +1,4 @@
-"""Runs the days of a month one after the other, with their troubles."""
+"""Runs the days of the simulated month one after the other, with their failures."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FULL = 3.0  # s
 
 
 class Month:
-    """The month as it goes on.
+    """State and results of the simulated month so far.
 
     Attributes:
         shifts: the days so far.
@@ -51,7 +51,7 @@ class Month:
         self._plc_pids = dict(self.plc.nodes())
 
     def run(self, day: Day) -> None:
-        """Runs a day."""
+        """Runs one day of the month, with its failures."""
         self.site.clock.set(day.ago)
         shift = Shift(day)
         self.shifts.append(shift)
@@ -104,7 +104,7 @@ class Month:
     def _act(
         self, trouble: Trouble, shift: Shift, cell: LiveProcess
     ) -> tuple[LiveProcess, Path | None]:
-        """Makes a trouble; returns the cell that runs then, and what fills the disk."""
+        """Causes a failure; returns the cell that runs then, and the file that fills the disk."""
         if trouble is Trouble.BROKER_LOST:
             self._broker.__exit__()
             self.deaf.append(Outage(time.time(), float("inf")))
@@ -132,7 +132,7 @@ class Month:
         return cell, None
 
     def _first_motion(self) -> float:
-        """Waits for the robot's first motion; returns when its height was seen."""
+        """Waits until a client sees the first motion's height; returns the time [s since 1970]."""
         deadline = time.monotonic() + PATIENCE
         while not self.clients.height > MOVING:
             if time.monotonic() > deadline:
@@ -146,7 +146,7 @@ class Month:
         time.sleep(max(moment - time.time(), 0.0))
 
     def _file(self, shift: Shift, before: set[Path]) -> None:
-        """Dates the day's files and reads what they tell; ingests the bags of a killed cell."""
+        """Sets the day's file times, reads its messages, ingests the bags of a killed cell."""
         runs = [path for path in self.site.run_folders() if path not in before]
         for run in runs:
             self.site.clock.date_files(run)
@@ -162,7 +162,7 @@ class Month:
             shift.words += done.stdout + done.stderr
 
     def _look_at_store(self) -> None:
-        """Notes what retention has deleted at a day's start, and the size of the rest."""
+        """Records the bags that retention deleted at a day's start, and the remaining size."""
         now = self.site.clock.now()
         deadline = time.monotonic() + PATIENCE
         while True:
@@ -176,7 +176,7 @@ class Month:
         self.kept = max(self.kept, size)
 
     def finish(self) -> None:
-        """Stops the PLC node."""
+        """Stops the PLC node at the end of the month."""
         self.plc.process.send_signal(signal.SIGTERM)
         code = self.plc.process.wait(PATIENCE)
         if code or any(map(alive, self._plc_pids.values())):
@@ -184,7 +184,7 @@ class Month:
 
 
 def fill(path: Path) -> Path:
-    """Leaves no room on the disk of a file."""
+    """Fills the disk of a file completely, and returns the file."""
     with path.open("wb", buffering=0) as ballast, contextlib.suppress(OSError):
         while True:
             ballast.write(bytes(65536))

@@ -19,7 +19,7 @@ def columns(stamps: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def recorded(comparison: np.ndarray, images: np.ndarray) -> endurance.Stream:
-    """Returns the stream of comparisons for a recording whose other streams are complete."""
+    """Returns the stream of comparisons of a recording in which all other streams are complete."""
     every = columns(np.arange(images[0], images[-1] + 1, SECOND // 1000))
     read = {name: columns(images) for name in ("free_surface", "cell/truth")}
     read |= {"accel": every, "estimate": every, "comparison": columns(comparison)}

@@ -1,4 +1,4 @@
-"""Tests what the month counts as stored, lost and told, its clock, and two days of it."""
+"""Tests the audit of the month and its shifted clock, and runs two days of the month."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="no C com
 
 
 def watched(*bad: tuple[float, float]) -> Clients:
-    """Returns clients that saw good values but in some times [s since BEGAN]."""
+    """Returns clients that saw bad values only in given time spans [s since BEGAN]."""
     clients = Clients("slosh", 0, 0, 0)
     for protocol in clients.seen:
         for k in range(600):
@@ -37,7 +37,7 @@ def watched(*bad: tuple[float, float]) -> Clients:
 
 
 def rows(*numbers: float, length: float = 0.8) -> list[Row]:
-    """Returns stored motions at some places of a day's sequence."""
+    """Returns rows of stored motions at given positions in a day's sequence."""
     return [Row(round((5.0 + PERIOD * n) * SECOND), length, str(n)) for n in numbers]
 
 

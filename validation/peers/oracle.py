@@ -1,4 +1,4 @@
-"""Returns the true modal state of a test case, which no sensor measures, for the regressions."""
+"""Computes the true modal states of a test case, which are input of the regressions."""
 
 from __future__ import annotations
 

@@ -165,7 +165,7 @@ def trained(
 
 
 def _levenberg(weights: Array, costs: Any, normal: Any) -> tuple[Array, int]:
-    """Minimises the first cost; returns the weights with the least second cost on the way."""
+    """Minimises one cost; returns the weights with the lowest second cost along the way."""
     none = np.zeros_like(weights)
     best, least = none, float(costs(none)[1])
     cost, damping = float(costs(weights)[0]), 1.0

@@ -124,7 +124,7 @@ class ContourWave:
 
     @property
     def reach(self) -> float:
-        """Radius up to which the surface is drawn [m]."""
+        """Radius up to which the liquid's surface is drawn [m]."""
         return float(self.radii.max())
 
     def height(self, r: Array, azimuth: Array) -> Array:

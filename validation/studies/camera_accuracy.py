@@ -126,7 +126,7 @@ def calibrated_sequences(
 def measured_sequences(
     sequences: Sequence[RenderedSequence], options: Options
 ) -> tuple[list[RenderedSequence], list[tuple[FrameResult, ...]], list[str]]:
-    """Returns the sequences that could be measured, their results, and a line for each other.
+    """Returns measured sequences with their results, and a line for each one that failed.
 
     Raises:
         SloshCameraError: the detector takes none of them.

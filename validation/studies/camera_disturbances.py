@@ -35,7 +35,7 @@ _LABEL_HALF_HEIGHT = 0.012
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """Camera view and exact heights of an image; `truth` is None for the liquid at rest."""
+    """Camera view and exact heights of an image; `truth` is None for an image at rest."""
 
     view: CupView
     truth: FrameTruth | None

@@ -79,7 +79,7 @@ def calibration(truth: dict[str, Any], number: int) -> SideCalibration:
 
 
 def measured(folder: Path, number: int) -> tuple[dict[str, Any], list[Height], int, str]:
-    """Measures a scene; returns exact data, heights, images without any, and a refusal."""
+    """Measures a scene; returns exact heights, measured ones, failed images, and any refusal."""
     truth = json.loads((folder / "truth.json").read_text())
     detector = SideViewDetector(calibration(truth, number))
     heights: list[Height] = []

@@ -1,4 +1,4 @@
-"""Fills the table of emergency stops: time, distance and height, also of plain stops.
+"""Measures emergency stops of the governor and plain stops: time, distance and height.
 
     tools/run python validation/studies/emergency_stop.py [--runs 100] [--half 1] [--workers 1]
 
@@ -50,7 +50,7 @@ TURN = PERIOD * SECOND
 
 
 def moving(seed: int) -> tuple[Governor, list[Governed], np.random.Generator] | None:
-    """Returns a governor in the middle of a random motion; None if that motion is too slow."""
+    """Returns a governor during a random motion, or None if the motion is too slow."""
     rng = np.random.default_rng(seed)
     stream = drawn(rng)
     governor, told = Governor(stream.model, stream.limits, period=PERIOD), []
@@ -86,7 +86,7 @@ def stop_of(governor: Governor, told: list[Governed], way: str) -> Array:
 
 
 def run_joints(way: str, seed: int) -> tuple[float, float, float, float]:
-    """Simulates one stop of an arm whose joints are commanded; returns the same as `run`."""
+    """Simulates one stop of an arm with commanded joints; returns the same values as `run`."""
     rng = np.random.default_rng(seed)
     load = of_joints(rng)
     governor, told = begun(load, int(rng.integers(50, COMMANDS)))
@@ -108,7 +108,7 @@ def run_joints(way: str, seed: int) -> tuple[float, float, float, float]:
 
 
 def run(way: str, seed: int) -> tuple[float, float, float, float]:
-    """Simulates one stop; returns time [s], distance [m], height and joint use, 1 at a limit.
+    """Simulates one stop: time [s], distance [m], fractions of the height and joint limits.
 
     NaN: not moving, or no stop.
     """

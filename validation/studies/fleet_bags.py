@@ -18,7 +18,9 @@ from slosh_bag.recover import NotedDefinitions
 from slosh_base.files import new_folder
 from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.cli.ingest import ingest_task
+from slosh_bringup.discovery_task import discovery_task
 from slosh_bringup.replay.task import Task, replay_task
+from slosh_discovery.discovering import DiscoveryRequest
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 SOURCES: Final = tuple(ROOT / "bags" / name for name in ("l", "l3", "c", "c3", "e", "e3"))
@@ -35,7 +37,7 @@ _CDR_HEAD: Final = 4
 
 
 def make_bag(number: int, folder: Path) -> Path:
-    """Writes bag number so and so, if it is not there, and returns its folder."""
+    """Writes the bag with a given number unless it exists; returns its folder."""
     place = folder / f"{number:05d}"
     if place.is_dir():
         return place
@@ -55,28 +57,35 @@ def make_bag(number: int, folder: Path) -> Path:
 
 
 def moved(data: bytes, offset: int) -> bytes:
-    """Returns a serialised message whose header's stamp, its first field, is later by so much."""
+    """Returns a serialised message whose header stamp is increased by an offset [ns]."""
     seconds, nanoseconds = _STAMP.unpack_from(data, _CDR_HEAD)
     stamp = _STAMP.pack(*divmod(seconds * SECOND + nanoseconds + offset, SECOND))
     return data[:_CDR_HEAD] + stamp + data[_CDR_HEAD + _STAMP.size :]
 
 
 def ingest_one(store: str, bag: Path) -> float:
-    """Ingests a bag; returns the time that it took [s]."""
+    """Adds a bag's motions to the store; returns the duration [s]."""
     begin = time.perf_counter()
     ingest_task(store, bag)
     return time.perf_counter() - begin
 
 
 def replay_one(bag: Path) -> float:
-    """Replays a bag; returns the time that it took [s]."""
+    """Replays a bag; returns the duration [s]."""
     begin = time.perf_counter()
     replay_task(Task(bag, bag.name))
     return time.perf_counter() - begin
 
 
+def discover_one(output: str, bag: Path) -> float:
+    """Examines the motions of a bag; returns the time that it took [s]."""
+    begin = time.perf_counter()
+    discovery_task(DiscoveryRequest((bag,), Path(output, bag.name), from_bag=True))
+    return time.perf_counter() - begin
+
+
 def nothing(number: int) -> float:
-    """Does nothing, to measure what a task costs."""
+    """Does nothing, to measure the overhead of a task."""
     return float(number)
 
 
@@ -86,5 +95,5 @@ def processor_time() -> float:
 
 
 def resident() -> float:
-    """Returns the memory of this process [MiB]."""
+    """Returns the resident memory of this process [MiB]."""
     return float(psutil.Process().memory_info().rss) / 2**20

@@ -1,4 +1,4 @@
-"""Fills the table of governed trays and joints: limits, random commands, wrong models.
+"""Measures governed trays and robot joints under random commands with wrong models.
 
     tools/run python validation/studies/governed_loads.py [--runs 500] [--half 1] [--workers 1]
 
@@ -60,7 +60,7 @@ HEAD = (
 
 
 class Load(NamedTuple):
-    """Containers, limits and commands for the governor, and the arm if joints are commanded."""
+    """Containers, limits and commands of one case, and the arm if joints are commanded."""
 
     tray: Tray
     limits: PlanLimits
@@ -69,7 +69,7 @@ class Load(NamedTuple):
 
 
 class Moves(NamedTuple):
-    """Velocities, accelerations and positions (N, D) of a motion from rest, every PERIOD."""
+    """Velocities, accelerations and positions (N, D) of a motion from rest, at steps of PERIOD."""
 
     velocity: Array
     acceleration: Array
@@ -97,7 +97,7 @@ def four_cups(rng: np.random.Generator) -> Load:
 
 
 def of_joints(rng: np.random.Generator) -> Load:
-    """Draws a cup in the hand of an arm, whose joints move it nearly upright."""
+    """Draws a cup carried by a robot arm whose joints keep the cup nearly upright."""
     model, height = drawn_cup(rng)
     scale = rng.uniform(0.5, 1.5) * np.array(JOINT_SCALE)
     commands = drawn_commands(rng, scale, 0.05, first_period(model))
@@ -113,7 +113,7 @@ LOADS = {"four cups": four_cups, "joints": of_joints}
 
 
 def begun(load: Load, steps: int) -> tuple[Governor, list[Governed]]:
-    """Returns the governor after so many steps of a load's commands, and the steps."""
+    """Returns the governor after a number of steps of a case's commands, and these steps."""
     governor, told = Governor(load.tray, load.limits, period=PERIOD, arm=load.arm), []
     for step in range(steps):
         row, now = load.commands[step], 1 + step * round(PERIOD * SECOND)
@@ -124,7 +124,7 @@ def begun(load: Load, steps: int) -> tuple[Governor, list[Governed]]:
 
 
 def moves_of(load: Load, told: list[Governed]) -> Moves:
-    """Returns the motion of governed steps."""
+    """Returns velocities, accelerations and positions of the governor's steps."""
     rows = [
         one.joints or (one.velocity, one.acceleration, one.position) for one in told
     ]  # fmt: skip
@@ -138,7 +138,7 @@ def moves_of(load: Load, told: list[Governed]) -> Moves:
 
 
 def unregarded(load: Load, commands: Array, before: Moves | None = None) -> Moves:
-    """Returns a motion that follows commands and then stops, ignoring the liquid.
+    """Returns a motion that follows the commands and then stops, without regard to the liquid.
 
     Args:
         load: the limits of acceleration and jerk; of joints each by its own.
@@ -176,7 +176,7 @@ def unregarded(load: Load, commands: Array, before: Moves | None = None) -> Move
 
 
 def inputs_of(load: Load, moves: Moves) -> Inputs:
-    """Returns the motion of the container or tray, and a rest behind it."""
+    """Returns the motion of the container or tray as simulation input, with a rest at its end."""
     t: Array = PERIOD * np.arange(len(moves.place), dtype=np.float64)
     if load.arm is not None:
         velocity, acceleration, place = moves
@@ -188,7 +188,7 @@ def inputs_of(load: Load, moves: Moves) -> Inputs:
 
 
 def highest(load: Load, moves: Moves, pairs: list[tuple[float, float]]) -> Array:
-    """Returns greatest height and greatest use of friction or base, divided by their limits."""
+    """Returns the greatest height and use of friction or base, as fractions of their limits."""
     inputs, found = inputs_of(load, moves), np.zeros(2)
     for cup in load.tray.containers:
         for pair in pairs:
@@ -201,7 +201,7 @@ def highest(load: Load, moves: Moves, pairs: list[tuple[float, float]]) -> Array
 
 
 def joint_use(load: Load, moves: Moves) -> float:
-    """Returns the greatest position, velocity, acceleration or jerk of a joint by its limit."""
+    """Returns the largest fraction of a joint limit: position, velocity, acceleration or jerk."""
     if load.arm is None:
         return 0.0
     limits = load.arm.limits
@@ -223,7 +223,7 @@ def drawn_pairs(rng: np.random.Generator, count: int) -> list[tuple[float, float
 
 
 def run(name: str, seed: int) -> tuple[float, ...]:
-    """Governs one load; returns used fractions of limits, delays [s] and number of liquids."""
+    """Governs one case; returns used fractions of limits, delays [s] and number of liquids."""
     rng = np.random.default_rng(seed)
     load = LOADS[name](rng)
     pairs = drawn_pairs(rng, 4) + GRID

@@ -1,4 +1,4 @@
-"""Fills the table of the governor: heights under random commands with wrong models.
+"""Measures the governor: heights under random commands with wrong models.
 
     tools/run python validation/studies/governor.py [--runs 5000] [--half 1] [--workers 1]
 
@@ -46,7 +46,7 @@ HEAD = (
 
 
 class Stream(NamedTuple):
-    """A cup with its height limit, and the commands to the governor."""
+    """A cup with its height limit, and a sequence of commands to the governor."""
 
     model: Model
     limits: PlanLimits
@@ -54,7 +54,7 @@ class Stream(NamedTuple):
 
 
 def drawn_cup(rng: np.random.Generator) -> tuple[Model, float]:
-    """Draws a model of a container, and a limit of its height [m]."""
+    """Draws a container model and a height limit [m]."""
     if rng.random() < 0.7:
         radius = rng.uniform(0.03, 0.06)
         size = radius
@@ -68,7 +68,7 @@ def drawn_cup(rng: np.random.Generator) -> tuple[Model, float]:
 
 
 def drawn(rng: np.random.Generator) -> Stream:
-    """Draws a cup and its commands (COMMANDS, 3) [m/s], with NaN and pauses."""
+    """Draws a cup and its velocity commands (COMMANDS, 3) [m/s], with NaN and pauses."""
     model, height = drawn_cup(rng)
     limits = PlanLimits(height, acceleration=5.0, jerk=74.0)
     speed = rng.uniform(0.1, 0.5)
@@ -77,7 +77,7 @@ def drawn(rng: np.random.Generator) -> Stream:
 
 
 def drawn_commands(rng: np.random.Generator, scale: Array, jitter: float, period: float) -> Array:
-    """Draws commands (COMMANDS, D) of a size (D,), with swings near a period [s]; see `drawn`."""
+    """Draws commands (COMMANDS, D) of a given size, oscillating near a period [s]; see `drawn`."""
     count = len(scale)
     commands, t = np.zeros((COMMANDS, count)), PERIOD * np.arange(COMMANDS)
     at = 0
@@ -102,7 +102,7 @@ def drawn_commands(rng: np.random.Generator, scale: Array, jitter: float, period
 
 
 def other(model: Model, frequency: float, damping: float) -> Model:
-    """Returns a model with other natural frequency and damping ratio, given as factors."""
+    """Returns a model with natural frequency and damping ratio multiplied by factors."""
     first = model.mode_constants()[0]
     return replace(
         model,
@@ -114,7 +114,7 @@ def other(model: Model, frequency: float, damping: float) -> Model:
 def governed(
     stream: Stream, limits: PlanLimits, truth: Model | None, rng: np.random.Generator
 ) -> tuple[Array, Array, Array]:
-    """Returns velocities, accelerations (N, 3) and stated margins (N,) of a governed motion."""
+    """Returns velocity, acceleration (N, 3) and height margin (N,) of a governed motion."""
     governor = Governor(stream.model, limits, period=PERIOD)
     liquid = None if truth is None else Simulator(truth)
     error = np.zeros(4)
@@ -153,7 +153,7 @@ def tracked(
     velocity: Sequence[float] = (0.0, 0.0, 0.0),
     acceleration: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> tuple[Array, Array]:
-    """Returns velocities and accelerations (N, 3) of a motion that follows commands and stops.
+    """Returns velocity and acceleration (N, 3) of a motion that follows commands, then stops.
 
     They keep acceleration and jerk alone; what is no number is a stop.
     """
@@ -203,7 +203,7 @@ def delays(commands: Array, velocity: Array) -> float:
 
 
 def run(observed: bool, seed: int) -> tuple[float, ...]:
-    """Returns heights by the limit, governed and not, delays [s], and the margin by the limit."""
+    """Returns heights with and without governor, delays [s] and margin, relative to the limit."""
     rng = np.random.default_rng(seed)
     stream = drawn(rng)
     pairs = [

@@ -90,7 +90,7 @@ def free_decay(run: MeasuredMotion) -> MeasuredMotion:
 
 
 def by_run(runs: Motions, decays: Motions) -> str:
-    """Tabulates what each run gives alone: from its motion, and from the decay after it."""
+    """Tabulates what each run alone identifies: from its motion, and from the decay after it."""
     lines = [
         "| run | ω₁ from the motion | ζ | rms | ω₁ from the decay after it | ζ | rms |",
         "|---|--:|--:|--:|--:|--:|--:|",
@@ -110,7 +110,7 @@ def by_run(runs: Motions, decays: Motions) -> str:
 
 
 def joint(runs: Motions, decays: Motions) -> str:
-    """Tabulates what all decays and half of the motions give, with predictions of the rest."""
+    """Identifies from all decays and half of the motions; predicts the other motions."""
     lines = [
         "| from | ω₁ [rad/s] | ζ | h [mm] | errors raised by |", "|---|--:|--:|--:|--:|"
     ]  # fmt: skip

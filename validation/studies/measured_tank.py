@@ -227,7 +227,7 @@ def compared(record: Record, every: Sequence[Candidate]) -> str:
 
 
 def found_gap(record: Record) -> str:
-    """Describes the effects that the discovery finds beyond an identified model."""
+    """Describes the effects that the discovery finds in addition to an identified model."""
     first, names = record.half(second=False), (*M1, "p")
     model = identify([motion(first)], base(), names).overall.model
     finding = discover([motion(first)], model)

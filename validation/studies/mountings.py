@@ -97,7 +97,7 @@ def poses(
 
 
 def told(honest: HonestInput, mounted: Mounted, kind: str) -> tuple[Array, Array]:
-    """Returns the accelerations and angular velocities (N, 3) that a mounted sensor measures."""
+    """Returns the accelerations and angular velocities (N, 3) that the mounted sensor measures."""
     up = honest.attitude.inv().apply(np.tile(WORLD, (len(honest.stamps), 1)))
     if kind == "imu":
         force = honest.force - (0.0 if mounted.gravity else up)

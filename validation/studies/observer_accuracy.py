@@ -118,7 +118,7 @@ def write_table(
     rows: Sequence[tuple[Callable[[int], Any], Callable[[Array], str]]],
     page: Path = PAGE,
 ) -> int:
-    """Runs a study as the command line says; prints its table and writes it to a page.
+    """Runs a study according to the command line; prints its table and writes it to a page.
 
     Args:
         doc: of the study.
@@ -246,7 +246,7 @@ def first_wave(rng: np.random.Generator, truth: Model, height: float) -> Array:
 def seen(
     rng: np.random.Generator, one: Drawn, case: Case, t: Array, wall: Array
 ) -> list[tuple[float, WallHeights]]:
-    """Yields when images arrive [s], and the wall heights that they show."""
+    """Yields the arrival times of images [s], with the wall heights that they show."""
     images = []
     lasting, kept = rng.normal(size=2), math.exp(-1.0 / (one.rate * MEMORY))
     for moment in np.arange(rng.uniform(0.0, 1.0 / one.rate), t[-1], 1.0 / one.rate):

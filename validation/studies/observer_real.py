@@ -253,7 +253,7 @@ def tray_runs() -> list[Run]:
 
 
 def foretold(run: Run, stddev: float) -> Found:
-    """Runs the observer over a run and evaluates the heights that it was not given.
+    """Runs the observer over a run and evaluates the heights that were withheld from it.
 
     Args:
         run: the run.

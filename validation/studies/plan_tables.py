@@ -121,7 +121,7 @@ def by_parameter(name: str, law: UnitLaw, duration: float, step: float) -> Plann
 def shaped(
     route: Route, period: float, law: UnitLaw, duration: float, step: float
 ) -> PlannedMotion:
-    """Creates a motion whose legs each cancel their wave by halves half a period apart (ZV)."""
+    """Creates a motion in which each leg is shaped by ZV: two halves, half a period apart."""
     lag, durations = 0.5 * period, leg_durations(route, duration)
 
     def halves(leg: Leg, time: float, t: Array) -> tuple[Array, Array, Array]:
@@ -135,7 +135,7 @@ def shaped(
 
 
 def scaled_times(model: Model, name: str, route: Route, limits: PlanLimits) -> tuple[float, float]:
-    """Returns the shortest safe durations [s] of the best known law and of DL22's law."""
+    """Returns the shortest safe durations [s] of the best standard law and of DL22's law."""
     makers: dict[str, Make] = {law: known.motion for law, known in known_laws(route).items()}
     dl22 = "modified trapezoidal"
     if name in MOTIONS:

@@ -86,7 +86,7 @@ def test_two_clocks_are_laid_over_each_other_where_they_are(tmp_path):
 @pytest.mark.skipif(not ANTISLOSHING.is_dir(), reason=f"no measured runs in {ANTISLOSHING}")
 @pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
 def test_joints_of_a_real_robot_give_the_heights_of_its_poses(tmp_path):
-    """Both are in the data: positions of the joints, and the cup's poses."""
+    """Tests that a robot's joint positions give the same heights as the recorded cup poses."""
     compared = 0
     for bag in import_antisloshing(ANTISLOSHING, tmp_path):
         if not any((ANTISLOSHING / "joints").glob(f"{bag.name}.csv*")):
@@ -101,7 +101,7 @@ def test_joints_of_a_real_robot_give_the_heights_of_its_poses(tmp_path):
 @pytest.mark.skipif(not ANTISLOSHING.is_dir(), reason=f"no measured runs in {ANTISLOSHING}")
 @pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
 def test_the_kinematics_of_a_real_robot_give_its_poses():
-    """The pose tables are those of a forearm of 0.6471 m on a base turned by 3.14, not by π."""
+    """Tests that forward kinematics reproduce the recorded poses of a robot's cup."""
     data = read_arm(ANTISLOSHING)
     assert data is not None
     assert len(data.joints) == 13

@@ -57,7 +57,7 @@ class Change(NamedTuple):
 
     @property
     def told(self) -> tuple[str, int, int]:
-        """Formats the change for a table."""
+        """Formats the changed results as a table cell."""
         return f"{self.rms:.3g}", self.flags, self.refused
 
 
@@ -118,7 +118,7 @@ def prepared(room: str) -> dict[str, Scene]:
 
 
 def measured(room: str, numbers: dict[str, Any]) -> Answers:
-    """Measures all scenes of a package with other values of some tuning numbers."""
+    """Measures all scenes of a package with changed values of some tuning numbers."""
     module: Any = importlib.import_module(f"{room}.tuning")
     module.TUNING = dataclasses.replace(module.TUNING, **numbers)
     answers: Answers = {}

@@ -122,7 +122,7 @@ class BagWriter:
 
     @property
     def size(self) -> int:
-        """Total size of the bag's files [bytes]."""
+        """Total size of the bag's files on disk [bytes]."""
         return sum(file.size for file in self._ended) + (self._file.size if self._file else 0)
 
     def add_topic(
@@ -159,7 +159,7 @@ class BagWriter:
             self._register(self._file, name, topic)
 
     def note(self, name: str, value: str) -> None:
-        """Stores a key and value of bag metadata, which later finished files contain."""
+        """Stores a key and value in the bag's metadata, for all files finished later."""
         self._custom[name] = value
         self._has_news = True
 
@@ -185,7 +185,7 @@ class BagWriter:
         return lost
 
     def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int | None = None) -> None:
-        """Appends a serialised message.
+        """Appends a serialised message to the bag.
 
         Args:
             topic: a topic that was added.

@@ -22,7 +22,7 @@ class HeldFolder:
             fcntl.flock(self._number, fcntl.LOCK_SH)  # `is_held` looks for a moment only
 
     def release(self) -> None:
-        """Ends the lock."""
+        """Releases the lock on the folder."""
         if self._number >= 0:
             os.close(self._number)
             self._number = -1

@@ -359,7 +359,7 @@ class BagReader:
 
 
 def messages_of(block: MessageBlock) -> Iterator[BagMessage]:
-    """Yields the messages of a block one by one."""
+    """Yields the messages of a block as BagMessage objects."""
     times = zip(block.log_ns.tolist(), block.publish_ns.tolist(), strict=True)
     for row, (log_ns, publish_ns) in enumerate(times):
         yield BagMessage(block.topic, block.message_type, log_ns, publish_ns, block.data(row))

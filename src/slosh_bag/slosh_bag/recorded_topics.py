@@ -48,7 +48,7 @@ class TopicSelection:
 
 
 class TopicChoice:
-    """Rules that select the topics to record.
+    """Rules that select the topics to record: namespace and name patterns.
 
     Args:
         namespace: of the cell.

@@ -122,7 +122,7 @@ class RecorderStatus:
 
 
 def free_space(folder: Path) -> int:
-    """Free space on a folder's disk [bytes]."""
+    """Returns the free space on a folder's disk [bytes]."""
     return shutil.disk_usage(folder).free
 
 

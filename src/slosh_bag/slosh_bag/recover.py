@@ -64,7 +64,7 @@ class NotedQos(Qos):
         return documents if whole else []
 
     def text(self) -> str:
-        """Returns the stored text of the profiles unchanged."""
+        """Returns the stored text of the QoS profiles unchanged."""
         return self.noted
 
 

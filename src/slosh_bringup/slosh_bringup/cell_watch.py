@@ -56,7 +56,7 @@ class CellWatch:
         self._heard = {node: _Heard(now) for node in nodes}
 
     def take(self, report: NodeReport, now: float) -> list[str]:
-        """Processes a node's diagnostics at a monotonic time [s]; returns the lines to print."""
+        """Stores a node's diagnostics at a monotonic time [s]; returns the lines to print."""
         heard = self._heard.get(report.node)
         if heard is None:
             return []

@@ -209,9 +209,15 @@ def optional(module: str, name: str, purpose: str, file: str) -> DoctorFinding:
         purpose: what needs it.
         file: requirements file that installs it.
     """
-    there = importlib.util.find_spec(module) is not None
-    remedy = f"only for {purpose}: pip install -r requirements/{file}"
-    return DoctorFinding(name, there, "found" if there else "not found", remedy, required=False)
+    if importlib.util.find_spec(module) is None:
+        remedy = f"only for {purpose}: pip install -r requirements/{file}"
+        return DoctorFinding(name, False, "not found", remedy, required=False)
+    try:
+        importlib.import_module(module)
+    except ImportError as error:
+        remedy = f"only for {purpose}: install the package of the system that has it"
+        return DoctorFinding(name, False, f"cannot be loaded: {error}", remedy, required=False)
+    return DoctorFinding(name, True, "found", "", required=False)
 
 
 def tool(name: str, remark: str) -> DoctorFinding:

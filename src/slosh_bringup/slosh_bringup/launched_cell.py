@@ -107,7 +107,7 @@ class Restart(NamedTuple):
 
 
 class LaunchedCell:
-    """The nodes that one launch starts.
+    """The nodes that one launch of `cell.launch.py` starts.
 
     Args:
         given: the arguments by name, as text; those that are not given have their defaults.

@@ -11,9 +11,10 @@ import asyncio
 import logging
 import os
 import signal
+import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from itertools import chain, count, islice
@@ -21,6 +22,7 @@ from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.task_batches import Batches
 
 if TYPE_CHECKING:
     from distributed import Client, Future, LocalCluster
@@ -71,6 +73,7 @@ def map_files(
     *,
     jobs: int | None = None,
     scheduler: str | None = None,
+    sizes: Sequence[float] | None = None,
 ) -> Generator[ItemOutcome[Item, Value]]:
     """Calls a function for each item in parallel; continues if one call fails.
 
@@ -83,6 +86,8 @@ def map_files(
         items: e.g. paths.
         jobs: processes on this machine; None: one for each core.
         scheduler: address of a Dask scheduler, in place of processes on this machine.
+        sizes: of the items, in any unit, as many as there are: short items then share a task;
+            None: each is a task.
 
     Yields:
         an outcome for each item, as they finish.
@@ -94,7 +99,7 @@ def map_files(
         raise SloshBringupError(f"jobs = {jobs}: must be at least 1")
     if jobs is not None and scheduler is not None:
         raise SloshBringupError(f"jobs = {jobs}: the scheduler {scheduler} has its own workers")
-    return _map(function, iter(items), jobs, scheduler)
+    return _map(function, iter(items), jobs, scheduler, sizes)
 
 
 def _map(
@@ -102,6 +107,7 @@ def _map(
     items: Iterator[Item],
     jobs: int | None,
     scheduler: str | None,
+    sizes: Sequence[float] | None,
 ) -> Generator[ItemOutcome[Item, Value]]:
     first = list(islice(items, 2))
     everything = chain(first, items)
@@ -111,7 +117,7 @@ def _map(
             yield ItemOutcome(index, item, *attempt(function, item))
         return
     with _client(workers, scheduler) as client:
-        yield from _Farm(client, function).run(everything)
+        yield from _Farm(client, function).run(Batches(everything, sizes))
 
 
 def attempt(function: Callable[[Item], Value], item: Item) -> tuple[Value | None, str]:
@@ -120,6 +126,14 @@ def attempt(function: Callable[[Item], Value], item: Item) -> tuple[Value | None
         return function(item), ""
     except (Exception, SystemExit) as error:
         return None, reason(error)
+
+
+def _attempt_all(
+    function: Callable[[Item], Value], items: Sequence[Item]
+) -> tuple[list[tuple[Value | None, str]], float]:
+    """Calls the function with each item; returns values and errors, and the time taken [s]."""
+    begin = time.perf_counter()
+    return [attempt(function, item) for item in items], time.perf_counter() - begin
 
 
 def reason(error: BaseException) -> str:
@@ -147,41 +161,49 @@ class _Farm(Generic[Item, Value]):
         self._client = client
         self._function = function
         self._done = as_completed(loop=client.loop)
-        self._under_way: dict[Future[Any], tuple[int, Item]] = {}
+        self._under_way: dict[Future[Any], list[tuple[int, Item]]] = {}
         self._number = count()
 
-    def run(self, items: Iterable[Item]) -> Iterator[ItemOutcome[Item, Value]]:
+    def run(self, batches: Batches[Item]) -> Iterator[ItemOutcome[Item, Value]]:
         """Processes all items in parallel and yields the outcome of each."""
-        numbered = enumerate(items)
         suspects: deque[tuple[int, Item]] = deque()
-        room = IN_FLIGHT * max(1, len(self._client.nthreads()))
+        workers = max(1, len(self._client.nthreads()))
         while True:
             # While there are suspects nothing new begins: each of them is to run alone.
-            free = 0 if suspects else room - len(self._under_way)
-            for index, item in islice(numbered, free):
-                self._submit(index, item)
+            while not suspects and len(self._under_way) < IN_FLIGHT * workers:
+                batch = batches.take(workers)
+                if not batch:
+                    break
+                self._submit(batch)
             is_alone = not self._under_way
             if is_alone:
                 if not suspects:
                     return
-                self._submit(*suspects.popleft())
-            index, item, outcome = self._next()
-            if outcome is not None:
-                yield outcome
+                self._submit([suspects.popleft()])
+            batch, outcomes, seconds = self._next()
+            if outcomes is not None:
+                batches.learn(batch, seconds)
+                yield from outcomes
             elif is_alone:
-                yield ItemOutcome(index, item, None, KILLED)
+                yield from (ItemOutcome(index, item, None, KILLED) for index, item in batch)
             else:
-                suspects.append((index, item))
+                suspects += batch
 
-    def _submit(self, index: int, item: Item) -> None:
+    def _submit(self, batch: list[tuple[int, Item]]) -> None:
         # Names of their own: equal items are worked on each for itself.
         key = f"item-{next(self._number)}-{os.getpid()}"
-        future = self._client.submit(attempt, self._function, item, key=key, pure=False)
-        self._under_way[future] = index, item
+        items = [item for _, item in batch]
+        future = self._client.submit(_attempt_all, self._function, items, key=key, pure=False)
+        self._under_way[future] = batch
         self._done.add(future)
 
-    def _next(self) -> tuple[int, Item, ItemOutcome[Item, Value] | None]:
-        """Returns the next finished item and its outcome, or None if its worker died.
+    def _next(
+        self,
+    ) -> tuple[list[tuple[int, Item]], list[ItemOutcome[Item, Value]] | None, float]:
+        """Returns the items of the next finished task, their outcomes and its duration [s].
+
+        The outcomes are None if its items must be worked on one by one: their worker has died, or
+        one of several spoils the task.
 
         Raises:
             SloshBringupError: the scheduler has gone.
@@ -189,19 +211,25 @@ class _Farm(Generic[Item, Value]):
         from distributed import CancelledError, KilledWorker
 
         future = next(self._done)
-        index, item = self._under_way.pop(future)
+        batch = self._under_way.pop(future)
         try:
             # Fetched here: where the worker dies with the result in its hands, this says so.
-            return index, item, ItemOutcome(index, item, *future.result())
+            found, seconds = future.result()
         except KilledWorker:
-            return index, item, None
+            return batch, None, 0.0
         except CancelledError:
             raise SloshBringupError(
                 "lost the Dask scheduler; the remaining items were not processed"
             ) from None
         except Exception as error:
             # A worker that cannot import the function, a value that cannot be pickled.
-            return index, item, ItemOutcome(index, item, None, reason(error))
+            if len(batch) > 1:
+                return batch, None, 0.0
+            found, seconds = [(None, reason(error))], 0.0
+        outcomes = [
+            ItemOutcome(index, item, *one) for (index, item), one in zip(batch, found, strict=True)
+        ]
+        return batch, outcomes, seconds
 
 
 @contextmanager

@@ -51,7 +51,7 @@ def next_steps(cup: NewCup, folder: Path) -> list[str]:
 
 
 def _word(path: Path) -> str:
-    """Quotes a path for the shell."""
+    """Quotes a path for use in a shell command."""
     return shlex.quote(str(path)) if str(path).isprintable() else path.name
 
 

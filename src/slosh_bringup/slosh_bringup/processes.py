@@ -1,4 +1,4 @@
-"""Starts and stops the nodes as processes.
+"""Starts and stops the ROS nodes as processes.
 
 The same job as a launch file, for machines without `launch` and for runs that end by themselves.
 A node that ends is started again, unless with EXIT_WRONG_INPUT: it refuses its configuration.
@@ -175,7 +175,7 @@ class NodeGroup:
         )
 
     def _log(self, name: str) -> BinaryIO:
-        """Opens a node's log file for reading and writing."""
+        """Opens a node's log file for appending and reading."""
         self._log_folder.mkdir(parents=True, exist_ok=True)
         log = (self._log_folder / f"{name}.log").open("ab+")
         if name in self._logs:

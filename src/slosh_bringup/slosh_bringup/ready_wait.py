@@ -53,7 +53,7 @@ class ReadyWait:
         self.unrecorded: tuple[str, ...] = ()
 
     def take(self, report: NodeReport, now: float) -> None:
-        """Processes a node's diagnostics at a monotonic time [s]."""
+        """Stores a node's diagnostics, received at a monotonic time [s]."""
         state, said = report.facts.get(STATE, READY), report.sentence
         if RECORDED in report.facts and self._is_incomplete(report, now):
             state, said = (
@@ -77,7 +77,7 @@ class ReadyWait:
         return bool(self.unrecorded) and waited < RECORDING
 
     def missing(self) -> dict[str, str]:
-        """Returns, by node, the reason why it is not ready; ready nodes are left out."""
+        """Returns the reasons why nodes are not ready, by node name; ready nodes are left out."""
         return {
             node: word.sentence.removeprefix("not ready, ")
             for node, word in self._words.items()
@@ -85,7 +85,7 @@ class ReadyWait:
         }
 
     def given_up(self, now: float) -> str:
-        """Returns why further waiting is pointless; empty while it makes sense.
+        """Returns why further waiting for the nodes is pointless; empty while waiting makes sense.
 
         Args:
             now: steady time [s].

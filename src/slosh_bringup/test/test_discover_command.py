@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slosh_bringup.cli import discover as command
+from slosh_bringup import discovery_task
 from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
 from slosh_discovery.discover.finding import Verdict, WorstMoment
@@ -49,7 +49,7 @@ class Discovery:
 @pytest.fixture
 def discovery(monkeypatch):
     found = Discovery()
-    monkeypatch.setattr(command, "discover", found)
+    monkeypatch.setattr(discovery_task, "discover", found)
     return found
 
 
@@ -187,7 +187,7 @@ def test_the_page_shows_the_camera_s_image_of_the_worst_moment(
     def pictures(run, stamps):
         return dict.fromkeys(stamps, (grey_png(), 0.0123)) if run.path == day else {}
 
-    monkeypatch.setattr(command, "pictures_at", pictures)
+    monkeypatch.setattr(discovery_task, "pictures_at", pictures)
     assert main(["discover", "--from-bag", str(day), "-o", str(tmp_path / "o")]) == 0
     page = (tmp_path / "o" / "report.html").read_text(encoding="utf-8")
     assert "A: c3#1, 1.00 s, 12.3 mm" in page

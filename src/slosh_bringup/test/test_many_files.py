@@ -21,7 +21,6 @@ from slosh_bringup.many_files import IN_FLIGHT, KILLED, ItemOutcome, map_files
 PATIENCE = 60.0
 WORK = """
 import os
-import time
 
 from slosh_bag.errors import SloshBagError
 
@@ -36,14 +35,6 @@ def square(number):
     if number == 37:
         raise SystemExit("enough")
     return number * number
-
-
-def die_among_others(number):
-    time.sleep(0.3)
-    if number == 2:
-        os._exit(3)
-    time.sleep(0.3)
-    return number
 
 
 def dawdle(path):
@@ -67,9 +58,9 @@ def work(tmp_path, monkeypatch):
 def expected(number):
     errors = {
         17: "bag17: damaged: bad CRC",
-        23: "ZeroDivisionError: division by zero (many_files_work.py:12)",
+        23: "ZeroDivisionError: division by zero (many_files_work.py:11)",
         31: KILLED,
-        37: "SystemExit: enough (many_files_work.py:16)",
+        37: "SystemExit: enough (many_files_work.py:15)",
     }
     value = None if number in errors else number * number
     return ItemOutcome(number, number, value, errors.get(number, ""))
@@ -130,6 +121,12 @@ def test_sixty_items_have_sixty_outcomes_though_some_fail_and_one_kills_its_work
     assert not workers_of(psutil.Process())
 
 
+@pytest.mark.long
+def test_a_killed_worker_costs_one_item_of_a_task_of_several(work):
+    outcomes = map_files(work.square, range(60), jobs=2, sizes=[1.0] * 60)
+    assert sorted(outcomes, key=lambda o: o.index) == [expected(n) for n in range(60)]
+
+
 def running_cluster(**options):
     """Runs a Dask cluster that is independent of the tested code."""
     from distributed import LocalCluster
@@ -154,10 +151,17 @@ def test_one_item_or_one_job_is_worked_on_here_in_order(work, items, jobs):
     assert list(map_files(os.path.basename, [])) == []
 
 
-def test_a_running_cluster_does_the_same(work):
+@pytest.mark.parametrize("sizes", [None, [1.0] * 39])
+def test_a_running_cluster_does_the_same(work, sizes, monkeypatch):
+    tasks, submit = [], many_files._Farm._submit
+    monkeypatch.setattr(
+        many_files._Farm, "_submit", lambda farm, batch: tasks.append(batch) or submit(farm, batch)
+    )
     with running_cluster(n_workers=1, threads_per_worker=1, processes=False) as cluster:
         numbers = [n for n in range(40) if n != 31]
-        outcomes = list(map_files(work.square, numbers, scheduler=cluster.scheduler_address))
+        given = {"scheduler": cluster.scheduler_address, "sizes": sizes}
+        outcomes = list(map_files(work.square, numbers, **given))
+    assert len(tasks) == 39 if sizes is None else len(tasks) < 20
     assert {o.item: (o.value, o.error) for o in outcomes} == {
         n: (expected(n).value, expected(n).error) for n in numbers
     }

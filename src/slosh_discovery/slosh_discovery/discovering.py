@@ -52,7 +52,7 @@ Tell = Callable[[str], object]
 
 @dataclass(frozen=True, slots=True)
 class DiscoveryRequest:
-    """Data, model and options of a discovery.
+    """Data files, model and options of a discovery, as the user gives them.
 
     Attributes:
         data: bags, motion tables, folders of these.
@@ -78,7 +78,7 @@ class DiscoveryRequest:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PreparedDiscovery:
-    """Model and motions that a discovery starts from.
+    """Model and measured motions, read from files, with which a discovery starts.
 
     Attributes:
         base: the model that came in.
@@ -237,7 +237,7 @@ def recorded_model(bag: Path) -> Model:
 
 
 def part(motions: Motions) -> tuple[Motions, Motions]:
-    """Splits motions into fitted ones and held-out ones, every third of each group."""
+    """Splits motions into fitted and held-out ones; every third of each group is held out."""
     met: Counter[str | None] = Counter()
     parts: tuple[list[MeasuredMotion], list[MeasuredMotion]] = [], []
     for motion in motions:
@@ -262,7 +262,7 @@ def check_apart(fit: Motions, holdout: Motions) -> None:
 
 
 def unique_names(fit: Motions, holdout: Motions) -> tuple[Motions, Motions]:
-    """Numbers motions that have the same name."""
+    """Adds numbers to the names of motions that have the same name."""
     counts = Counter(motion.name for motion in (*fit, *holdout))
     met: Counter[str] = Counter()
     named = []

@@ -67,7 +67,7 @@ class AccelInput(CheckedInput):
         now_ns: int | None = None,
         pose: Pose | None = None,
     ) -> Sample | None:
-        """Returns the input sample of an acceleration [m/s²], or None if it is dropped.
+        """Converts an acceleration [m/s²] to an input sample; returns None if it is dropped.
 
         Args:
             stamp_ns, frame, ax, ay, az: of the message.
@@ -92,12 +92,12 @@ class AccelInput(CheckedInput):
 
     @property
     def memory(self) -> list[float]:
-        """Returns the input reader's state as numbers, without the last sample's stamp."""
+        """Returns the input reader's state as numbers for `take_up`, without the last stamp."""
         own = [*self.gate.last, *self.sampling.memory]
         return [*own, *self.checked_memory(self.gate.last_ns or 0)]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores the saved state of another reader for the same kind of input.
+        """Restores the state that `memory` of another reader of this input type returned.
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input.

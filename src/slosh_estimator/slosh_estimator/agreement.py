@@ -110,7 +110,7 @@ class MotionWatch:
         self._news: list[MotionAgreement] = []
 
     def watch(self, limit: float) -> None:
-        """Sets the disagreement limit [m] that applies to the next motions."""
+        """Sets the difference of heights [m] above which the next motions count as disagreeing."""
         self._least = TUNING.agreement_share * limit if math.isfinite(limit) else 0.0
         self._presence.watch(limit)
 
@@ -127,7 +127,7 @@ class MotionWatch:
         return self._presence.warning or standing
 
     def reset(self) -> None:
-        """Forgets all judged motions and the one in progress."""
+        """Forgets all motions, judged or in progress, to start anew."""
         self.finished = self.disagreeing = 0
         self.last = self._standing = None
         self._presence.reset()
@@ -201,7 +201,7 @@ class MotionWatch:
                 self._standing = found
 
     def _look(self, stamp_ns: int) -> None:
-        """Judges the earliest motion not yet judged, if it has ended or lasts too long."""
+        """Judges the earliest motion that is not judged yet, if it has ended or lasts too long."""
         if not self._moving.spans:
             return
         motion = self._moving.spans[0]

@@ -55,12 +55,12 @@ class AlignedStreams(Generic[Key]):
         return (key, behind * SECONDS_PER_NS) if stream.moved and late else None
 
     def forget(self) -> None:
-        """Clears all streams."""
+        """Discards the values of all streams."""
         self._streams.clear()
         self._leader = None
 
     def add(self, key: Key, stamp_ns: int, values: Values) -> None:
-        """Adds values of a stream with their stamp [ns]; clears all streams after a time jump."""
+        """Adds a stream's values with their stamp [ns]; a jump of time clears all streams."""
         stream = self._streams.get(key)
         if stream is None:
             stream = self._streams[key] = _Stream(values)

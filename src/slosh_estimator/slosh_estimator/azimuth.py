@@ -38,7 +38,7 @@ class WaveOffset(NamedTuple):
 
     @property
     def disagrees(self) -> bool:
-        """Whether the angle is large and statistically significant."""
+        """Whether the angle between the waves is large and statistically significant."""
         return (
             abs(self.turn) >= TUNING.least_turn
             and abs(self.turn) > TUNING.turn_noise * self.stddev
@@ -77,7 +77,7 @@ class Surfaces(NamedTuple):
 
     @property
     def levels(self) -> Array:
-        """Mean height at the left and the right edge of the camera image (N,) [m]."""
+        """Mean wave height at the left and the right edge of the camera image (N,) [m]."""
         return 0.5 * (np.asarray(self.sh_left) + np.asarray(self.sh_right))
 
 
@@ -147,7 +147,7 @@ def wave_offset(
 
 
 def _turn(seconds: Array, measured: Waves, expected: Waves) -> WaveOffset | None:
-    """Returns the angle [rad] between two waves of unknown relative delay; None if uncertain."""
+    """Returns the angle [rad] between measured and modelled wave, or None if it is uncertain."""
     # A rotary wave that comes late looks turned; a planar one half a period late, by 180 degrees.
     reach = round(TUNING.offset_far / TUNING.offset_step)
     lags = np.arange(-reach, reach + 1) * TUNING.offset_step
@@ -174,7 +174,7 @@ def _turn(seconds: Array, measured: Waves, expected: Waves) -> WaveOffset | None
 
 
 def _products(seconds: Array, measured: Waves, expected: Waves, lag: float) -> tuple[Waves, float]:
-    """Returns, for a delay, the product of two waves per time block, and the waves' energy."""
+    """Returns the product of two waves per time block for a relative delay, and their energy."""
     moments = seconds - lag
     after = np.clip(np.searchsorted(seconds, moments), 1, len(seconds) - 1)
     inside = (moments >= seconds[0]) & (moments <= seconds[-1])

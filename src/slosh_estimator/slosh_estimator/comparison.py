@@ -50,7 +50,7 @@ class Expected(NamedTuple):
 
 
 class EstimatePoint(NamedTuple):
-    """An estimate in the buffer of the monitor.
+    """An estimate that the monitor stores until measurements of its time arrive.
 
     Attributes:
         stamp_ns: [ns].
@@ -85,7 +85,7 @@ class EstimatePoint(NamedTuple):
 
 
 class MeasuredPoint(NamedTuple):
-    """A measurement of the free surface.
+    """A measured height of the free surface, with stamp and flags.
 
     Attributes:
         stamp_ns: [ns].

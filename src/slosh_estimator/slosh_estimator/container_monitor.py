@@ -64,7 +64,7 @@ class ContainerMonitor:
 
 
 def camera_place(tray: Tray, name: str) -> int:
-    """Returns the index on a tray of a container that has a camera of its own, from 1.
+    """Returns a container's index on the tray if it may have a camera of its own (1 or more).
 
     Raises:
         SloshEstimatorError: the tray has no such container, or it is the first.

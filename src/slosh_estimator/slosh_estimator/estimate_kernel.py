@@ -83,7 +83,7 @@ def new_checks() -> NDArray[np.float64]:
 
 @compiled
 def _heights(store, dt, acceleration, yaw, pose, checks, row, which):  # type: ignore[no-untyped-def]
-    """Advances one model and writes its heights; returns False if it left the physical range."""
+    """Advances one model by an input and stores its heights; returns whether they are physical."""
     column = ANSWERS * which
     runs, modes = records(store)
     run = runs[0]
@@ -169,7 +169,7 @@ def _take(linear, nonlinear, store, dt, acceleration, yaw, pose, first, row):  #
 def step(  # type: ignore[no-untyped-def]
     linear, nonlinear, checks, row, poses, dt, ax, ay, az, yaw, first
 ):
-    """Advances linear and nonlinear model by one input sample and writes the results.
+    """Advances linear and nonlinear model by one input sample; stores heights and flags.
 
     Args:
         linear, nonlinear: each model's store, as `slosh_model.layout` has it; changed.

@@ -217,7 +217,7 @@ class Estimator:
         return self._reading_clock.delay(np.maximum(stamps - first, 0) / 1e9)
 
     def state(self) -> EstimatorState | None:
-        """Returns the complete state, or None before the first sample."""
+        """Returns the complete state of both models, or None before the first sample."""
         if self._last is None or self._first_ns is None:
             return None
         return EstimatorState(
@@ -226,7 +226,7 @@ class Estimator:
         )  # fmt: skip
 
     def take_up(self, state: EstimatorState) -> None:
-        """Restores the state of another estimator that has the same model.
+        """Restores the state that `state` of another estimator with the same model returned.
 
         Raises:
             SloshEstimatorError: the state is one of another model or version; nothing changes.
@@ -319,7 +319,7 @@ class Estimator:
         )  # fmt: skip
 
     def _take(self, sample: Sample) -> int:
-        """Processes a sample, stores results in the output row, returns its validity flags."""
+        """Computes a sample, stores the results in the output row, returns the validity flags."""
         flags = 0
         last = self._last
         if sample.restarted and last is not None:
@@ -384,7 +384,7 @@ class Estimator:
         return self._pose
 
     def _diverged(self, sample: Sample) -> int:
-        """Restarts from rest where the model left its physical range; returns the flag for it."""
+        """Restarts from rest after the model left its physical range; returns the flag set."""
         self.divergences += 1
         self._restart(sample.stamp_ns)
         self._step(0.0, sample, True)
@@ -421,7 +421,7 @@ def _distance(modes: NDArray[np.void], others: NDArray[np.void]) -> float:
 
 
 class _Batch(NamedTuple):
-    """Storage for the results of `update_many`."""
+    """Arrays for the results of `Estimator.update_many`."""
 
     rows: Array
     flags: Integers

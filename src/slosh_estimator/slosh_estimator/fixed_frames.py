@@ -26,7 +26,7 @@ class FixedFrames:
 
     @property
     def links(self) -> list[Transform]:
-        """Returns all transforms that were added."""
+        """Returns all fixed transforms that were added."""
         return list(self._parents.values())
 
     def pose(self, frame: str, of: str) -> Pose | None:

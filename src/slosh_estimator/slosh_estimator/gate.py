@@ -139,7 +139,7 @@ class SampleGate:
         now_ns: int | None = None,
         fault: SampleVerdict | None = None,
     ) -> SampleVerdict:
-        """Accepts or drops one sample.
+        """Decides whether one input sample is used or dropped.
 
         Args:
             stamp_ns: its stamp [ns].
@@ -169,7 +169,7 @@ class SampleGate:
         return self._last
 
     def go_on(self, stamp_ns: int, acceleration: Vector | None) -> None:
-        """Continues after another gate's last sample with this stamp [ns] and acceleration."""
+        """Continues after another gate's last accepted sample: stamp [ns] and acceleration."""
         self._last_ns, self._early_ns, self._apart_ns = stamp_ns, None, None
         self._early_count = self._aside_count = 0
         if acceleration is not None:
@@ -206,7 +206,7 @@ class SampleGate:
         return used | restarted, restarted
 
     def refuse(self, verdict: SampleVerdict) -> None:
-        """Counts a sample that was dropped for another reason than its stamp."""
+        """Counts a sample that was dropped for a reason other than its stamp."""
         self.counts[verdict] += 1
         self.dropped += 1
 

@@ -109,7 +109,7 @@ class HeldContainer:
 
     @property
     def recorded(self) -> dict[str, Any]:
-        """Returns the values for the estimator's recorded settings, by name."""
+        """Returns the container's description as values for the recorded settings, by name."""
         return {CONTAINER: self.name, EMPTY: self.empty, FRESH: self.fresh}
 
     @property

@@ -57,7 +57,7 @@ class ImuInput(CheckedInput):
     def update(
         self, stamp_ns: int, force: Vector, rate: Vector | None, now_ns: int | None = None
     ) -> Sample | None:
-        """Returns the sample, or None if it is dropped.
+        """Converts an Imu message to an input sample; returns None if it is dropped.
 
         Args:
             stamp_ns: the moment [ns].
@@ -98,13 +98,13 @@ class ImuInput(CheckedInput):
 
     @property
     def memory(self) -> list[float]:
-        """Returns the input reader's state as numbers, without the last sample's stamp."""
+        """Returns the input reader's state as numbers for `take_up`, without the last stamp."""
         mean = math.nan if self._mean_force is None else self._mean_force
         own = [*self.gate.last, *self._slow_rate, self._last_yaw_rate, self._yaw, mean]
         return [*own, *self.sampling.memory, *self.checked_memory(self._stamp_ns)]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores the saved state of another reader for the same kind of input.
+        """Restores the state that `memory` of another reader of this input type returned.
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input.

@@ -68,7 +68,7 @@ PoseSource = JointPoses | TransformPoses | PlacedAccel
 
 
 class InputSettings(NamedTuple):
-    """Settings of the estimator's input.
+    """Settings of the estimator's input: message type, frames, mounting and limits.
 
     Attributes:
         kind: one of MESSAGE_TYPES; None: the first of them that is there.

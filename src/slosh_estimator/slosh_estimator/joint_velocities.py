@@ -24,7 +24,7 @@ class JointVelocities:
         self._moved = self._missed = 0.0
 
     def take(self, stamp_ns: int, positions: Sequence[float], velocities: Sequence[float]) -> None:
-        """Processes the positions [rad or m] and velocities [rad/s or m/s] of a joint state."""
+        """Adds a joint state's positions [rad or m] and velocities [rad/s or m/s]."""
         last = self._last
         self._last = stamp_ns, velocities
         if self._start is None or last is None or len(last[1]) != len(velocities):

@@ -44,7 +44,7 @@ class KeptPoses:
         self._resize(0)
 
     def append(self, stamp_ns: int, values: tuple[float, ...]) -> None:
-        """Adds a pose."""
+        """Adds a pose to the end of the window."""
         if self._size == len(self._all_stamps):
             self._all_stamps = np.concatenate([self._all_stamps, self._all_stamps])
             self._all_values = np.concatenate([self._all_values, self._all_values])

@@ -45,7 +45,7 @@ class LevelWatch:
         self.offset = self.stddev = math.nan
 
     def look(self, measured: MeasuredPoint, expected: Expected) -> None:
-        """Adds a measurement and the estimate of the same time."""
+        """Adds a measured and an estimated height of the same time to the check."""
         levels = self._levels
         rests = not expected.flags & UNSOUND and expected.nonlinear < TUNING.still
         if not rests or (levels and measured.stamp_ns <= levels[-1].stamp_ns):

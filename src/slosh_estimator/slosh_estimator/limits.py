@@ -59,7 +59,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Hysteresis:
-    """Conditions under which a limit violation ends.
+    """How far and how long a value must be below its limit before a violation ends.
 
     Attributes:
         release: share of the limit below which the value must fall.
@@ -92,7 +92,7 @@ class LimitChange(NamedTuple):
 
 
 class LimitTracker:
-    """Compares one quantity with one limit.
+    """Compares one height with one limit, and reports start and end of a violation.
 
     Args:
         source: the quantity.
@@ -153,12 +153,12 @@ class LimitTracker:
 
     @property
     def at_rim(self) -> bool:
-        """Whether the limit is the container's rim, or a distance below it."""
+        """Whether the limit is at the container's rim or a distance below the rim."""
         return self._name != LIMIT
 
     @property
     def limit_text(self) -> str:
-        """Name and value of the limit, as text."""
+        """Name and value of the limit, as text for messages."""
         return f"{self._name} {1e3 * self.limit:.1f} mm"
 
     def ignores(self, values: Iterable[float]) -> bool:
@@ -168,7 +168,7 @@ class LimitTracker:
     def can_matter(
         self, stamps: NDArray[np.int64], values: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """Returns which of the next values can cause a change; the others may be skipped.
+        """Returns which values can start, prolong or end a violation of the limit.
 
         Args:
             stamps: (N,) increasing [ns].

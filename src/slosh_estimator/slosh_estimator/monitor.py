@@ -120,7 +120,7 @@ class Monitor:
         self._changes: dict[Source, deque[LimitChange]] = {source: deque() for source in Source}
 
     def change_settings(self, settings: MonitorSettings, stamp_ns: int | None = None) -> int:
-        """Changes the limits for values after a stamp.
+        """Changes the height limits for data with later stamps.
 
         Values up to that moment are judged by the old limits, later ones by the new limits,
         whenever they arrive. The other settings apply at once.
@@ -170,7 +170,7 @@ class Monitor:
         self.motions.reset()
 
     def add_estimate(self, point: EstimatePoint, arrival_ns: int) -> list[Comparison]:
-        """Adds an estimate; returns comparisons with measurements that it makes possible."""
+        """Adds an estimate; returns its comparisons with measured heights that waited for it."""
         self._estimated_at = arrival_ns
         estimates = self._estimates
         if estimates and point.stamp_ns <= estimates[-1].stamp_ns:
@@ -211,7 +211,7 @@ class Monitor:
         return found
 
     def add_measurement(self, point: MeasuredPoint, arrival_ns: int) -> list[Comparison]:
-        """Adds a measurement; returns comparisons with estimates that it makes possible.
+        """Adds a measured height; returns its comparison with the estimate, if both are known.
 
         Without a camera, by the settings, it is not looked at.
         """
@@ -231,7 +231,7 @@ class Monitor:
         return list(self._ready(arrival_ns))
 
     def check(self, now_ns: int) -> list[Comparison]:
-        """Checks timeouts; returns incomplete comparisons if camera or estimator is silent.
+        """Checks timeouts; returns one-sided comparisons if camera or estimator is silent.
 
         Returns:
             where a side is silent, or no measurement has met an estimate since the last look:
@@ -266,7 +266,7 @@ class Monitor:
         return comparisons
 
     def finish(self) -> list[Comparison]:
-        """Returns incomplete comparisons for measurements without an estimate at the run's end."""
+        """Returns one-sided comparisons for the measured heights that never got an estimate."""
         found = []
         while self._waiting and self._stale(self._estimated_at, self._waiting[-1].arrival_ns):
             found.append(self._without_estimate(self._waiting[-1].arrival_ns))
@@ -286,7 +286,7 @@ class Monitor:
         return self._trackers[Source.ESTIMATED].can_matter(stamps, heights)
 
     def take_events(self) -> list[Event]:
-        """Returns the limit events since the last call."""
+        """Returns the limit events since the last call, in order."""
         events, self._events = self._events, []
         return events
 
@@ -342,18 +342,18 @@ class Monitor:
         return bool(self._estimates) and self._estimates[-1].flags & _TOO_SLOW != 0
 
     def _is_out(self, now_ns: int) -> bool:
-        """Returns whether camera or estimator is silent, or nothing can be compared."""
+        """Returns whether camera or estimator is silent, or their heights cannot be compared."""
         return any(self.silent_sides(now_ns)) or bool(self.blindness(now_ns))
 
     def _alone(self, now_ns: int) -> Comparison:
-        """Returns a comparison with only the newest estimate, for use without a camera."""
+        """Returns a comparison message that holds only the newest estimate, without a camera."""
         newest = self._estimates[-1]
         self._sight.look(now_ns, estimate_obstacle(newest.nonlinear, newest.flags))
         missing = MeasuredPoint(newest.stamp_ns, NAN)
         return self._compare(missing, newest.expected, now_ns, image=False)
 
     def _unmeasured(self, estimate: EstimatePoint | None, now_ns: int) -> Comparison:
-        """Returns a comparison that contains only an estimate, since nothing was measured."""
+        """Returns a comparison message that holds only an estimate, since nothing was measured."""
         newest = self._estimates[-1].stamp_ns if self._estimates else 0
         stamp_ns = estimate.stamp_ns if estimate else max(self._measured_stamp, newest)
         return self._compare(
@@ -401,7 +401,7 @@ class Monitor:
         return estimated if clocks_apart(measured, estimated) else max(measured, estimated)
 
     def _change_limit(self, source: Source, stamp_ns: int) -> None:
-        """Applies the limit changes that are valid at a stamp [ns]."""
+        """Applies those changes of limits that are valid at a stamp [ns]."""
         changes = self._changes[source]
         while changes and changes[0].stamp_ns < stamp_ns:
             event = self._trackers[source].change(*changes.popleft())
@@ -418,7 +418,7 @@ class Monitor:
             self._events.append(event)
 
     def next_excess(self) -> int:
-        """Returns the number of the next limit violation."""
+        """Counts up and returns the number of the next limit violation."""
         self._excesses += 1
         return self._excesses
 
@@ -466,12 +466,12 @@ class Monitor:
             yield self._compare(point, estimate, now_ns)
 
     def _without_estimate(self, now_ns: int) -> Comparison:
-        """Returns a comparison that contains only the oldest measurement without an estimate."""
+        """Returns a comparison message that holds only the oldest measurement without estimate."""
         point = self._waiting.popleft().point
         return self._compare(point, None, now_ns, estimate_stale=True)
 
     def _interpolated(self, seen_ns: int) -> Expected | None:
-        """Interpolates the predicted measurement at a stamp [ns]; None if out of range.
+        """Interpolates the predicted measurement at a stamp [ns]; None outside the estimates.
 
         Each estimate's reading comes late by its own delay, which a drifting clock lets grow.
         """
@@ -535,7 +535,7 @@ class Monitor:
         )
 
     def _judge(self, measured: MeasuredPoint, expected: Expected) -> None:
-        """Adds two heights to the accuracy; skips a measured lower bound below the estimate."""
+        """Adds a pair of heights to the accuracy; skips a lower bound below the estimate."""
         linear, nonlinear, _, wave = expected
         bound = bool(measured.flags & SATURATED)
         if not (bound and measured.msh <= nonlinear):

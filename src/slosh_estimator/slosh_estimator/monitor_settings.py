@@ -24,7 +24,7 @@ distance that is kept to it."""
 
 @dataclass(frozen=True, slots=True)
 class MonitorSettings:
-    """Limits and timeouts of the monitor.
+    """Limits and timeouts of the monitor, from its parameters.
 
     >>> MonitorSettings(measured_limit=0.02).limits[Source.MEASURED]  # m
     0.02

@@ -123,7 +123,7 @@ class PoseFilter(NamedTuple):
 
 @compiled
 def _fit(tau: Any, scale: float, values: Any, terms: int) -> Any:
-    """Returns coefficients (3, terms) of polynomials in tau/scale, relative to the centre.
+    """Fits polynomials to a window; returns coefficients (3, terms) in scaled time.
 
     The centre is where tau is 0.
     """
@@ -156,7 +156,7 @@ def _reach(tau: Any) -> float:
 
 @compiled
 def _change(row: Any, x: float) -> float:
-    """Returns the difference of a polynomial at x from its value at the centre."""
+    """Returns a polynomial's value at x minus its value at the window's centre."""
     total = 0.0
     for k in range(len(row) - 1, 0, -1):
         total = (total + row[k]) * x

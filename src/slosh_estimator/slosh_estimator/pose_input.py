@@ -175,7 +175,7 @@ class PoseInput(CheckedInput):
 
     @property
     def memory(self) -> list[float]:
-        """Returns the input reader's internal state as numbers, mainly the window's poses."""
+        """Returns the input reader's state as numbers for `take_up`, mainly the window's poses."""
         first = max(self._at - 1 - self._count // 2, 0) if self._count else 0
         rows = self._poses.rows(first)
         checked = self.checked_memory(self._poses.newest_ns if len(self._poses) else 0)
@@ -184,7 +184,7 @@ class PoseInput(CheckedInput):
         return [float(self._at), *self._misfit, *self.sampling.memory, *rows, *checked]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores the saved state of another reader for the same kind of input.
+        """Restores the state that `memory` of another reader of this input type returned.
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input or another window.
@@ -369,7 +369,7 @@ class PoseInput(CheckedInput):
         return tau + share * (ticks - tau), share * found[2]
 
     def _offsets(self) -> list[int]:
-        """Returns the times of output samples relative to the centre [ns]."""
+        """Returns the times of a window's output samples relative to its centre [ns]."""
         before, centre, after = self._poses.stamps[self._at - 1 : self._at + 2].tolist()
         parts = self._filter.parts(0.5 * (after - before) * SECONDS_PER_NS)
         side = parts // 2

@@ -56,7 +56,7 @@ class ReadingJoiner:
         return self._complete()
 
     def add_reading(self, reading: Reading) -> list[EstimatePoint]:
-        """Adds a predicted measurement; returns the estimates for which one has arrived."""
+        """Adds a predicted measurement; returns the estimates whose prediction has arrived."""
         self._readings.append(reading)
         return self._complete()
 

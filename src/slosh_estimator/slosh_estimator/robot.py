@@ -22,6 +22,8 @@ HOW_TO_GET = (
     "a motion of joints needs Pinocchio, which is not installed "
     "(pip install -r requirements/joints.txt)"
 )
+SYSTEM_LIBRARY = "Debian and Ubuntu: `apt install libgomp1`"
+"""What Pinocchio's wheel needs of the system; a compiler brings it."""
 LONGEST = 10_000_000
 """Bytes of a description; a robot with its cell has some hundred kilobytes."""
 _XACRO = "<xacro:"
@@ -71,7 +73,10 @@ class Robot:
     ) -> None:
         if not available():
             raise error(HOW_TO_GET)
-        self._pin: Any = importlib.import_module("pinocchio")
+        try:
+            self._pin: Any = importlib.import_module("pinocchio")
+        except ImportError as cause:
+            raise error(f"Pinocchio cannot be loaded: {cause}. {SYSTEM_LIBRARY}") from None
         try:
             urdf = _whole(urdf)
             self._model = self._pin.buildModelFromXML(urdf)
@@ -151,7 +156,7 @@ class Robot:
 
 
 class Mover(NamedTuple):
-    """A movable joint of the robot description.
+    """A movable joint in the robot's description (URDF).
 
     Attributes:
         joint: whose position it follows, its own or that of one that it mimics: its own position

@@ -67,7 +67,7 @@ class Samples(NamedTuple):
 
     @classmethod
     def of(cls, samples: Sequence[Sample]) -> Samples:
-        """Creates columns from single samples."""
+        """Combines single samples to columns."""
         values = np.array([sample[1:5] for sample in samples], dtype=np.float64).reshape(-1, 4)
         return cls(
             np.array([sample.stamp_ns for sample in samples], dtype=np.int64),

@@ -92,7 +92,7 @@ class Sampling:
         self._muted = True
 
     def carry(self, modes: Modes) -> None:
-        """Sets the sloshing modes of the model in use."""
+        """Sets the sloshing modes which the input must represent, when the model changes."""
         self.modes = modes
         self._judge()
 
@@ -150,7 +150,7 @@ class Sampling:
 
     @property
     def memory(self) -> list[float]:
-        """Returns the state of the rate measurement as numbers."""
+        """Returns the state of the rate measurement as numbers for `take_up`."""
         unused = [math.nan] * (BLOCK - len(self._block))
         return [float(self.interval_ns), float(self._gapped), *map(float, self._block), *unused]
 

@@ -62,7 +62,7 @@ not what it is said to be."""
 
 
 def obstacle(measured: float, measured_flags: int, estimate: float, estimate_flags: int) -> str:
-    """Returns why a measurement and an estimate cannot be compared; empty if they can.
+    """Returns why a measured and an estimated height cannot be compared; empty if they can.
 
     Args:
         measured, estimate: heights [m]; NaN: unknown.
@@ -125,7 +125,7 @@ class ClockWatch:
         self._began_ns = 0
 
     def look(self, steady_ns: int, clock_ns: int) -> str:
-        """Returns a line if the clock has stopped, else an empty text; call it often.
+        """Returns a warning line if the clock has stopped, else an empty text; call this often.
 
         Args:
             steady_ns: elapsed time [ns].

@@ -9,7 +9,7 @@ from slosh_estimator.rotation import Vector
 
 
 class TimedPose(NamedTuple):
-    """A frame's pose in the world at a stamp.
+    """Position and attitude of a frame in the world at a stamp.
 
     Attributes:
         stamp_ns: the moment [ns].

@@ -84,7 +84,7 @@ class TransformPoses:
         return [self._pose(*row) for row in self._streams.rows()] if fed else []
 
     def _feed(self, child: str, stamp_ns: int, values: Values) -> bool:
-        """Adds a moving transform; returns whether it may complete poses."""
+        """Stores a moving transform; returns whether it may complete poses."""
         if self._is_past or self.since_ns is None:
             self._streams.add(child, stamp_ns, values)
             return True

@@ -111,7 +111,7 @@ class TrayEstimator:
             other.reset()
 
     def update(self, sample: Sample, first: Estimate) -> TrayEstimate:
-        """Adds a sample and the first container's estimate; returns all estimates."""
+        """Processes a sample; returns all estimates, with the first container's given one."""
         estimates = [first, *(other.update(sample) for other in self.others)]
         msh = [one.nonlinear.msh for one in estimates]
         shares = [
@@ -128,7 +128,7 @@ class TrayEstimator:
         )
 
     def update_many(self, samples: Samples, first: Estimates) -> TrayEstimates:
-        """Adds N samples; gives exactly the same results as `update`."""
+        """Processes N samples; gives exactly the same results as `update`."""
         estimates = [first, *(other.update_many(samples) for other in self.others)]
         heights = np.stack([one.heights[:, 1] for one in estimates], axis=1)
         shares = np.nan_to_num(heights[:, :, _MSH] / self.tray.bounds, nan=-1.0)

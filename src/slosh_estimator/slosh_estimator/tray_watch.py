@@ -100,7 +100,7 @@ class TrayWatch:
 
     @property
     def text(self) -> str:
-        """Describes the worst container in words."""
+        """Describes height and limit of the worst container in words."""
         worst = self.worst
         height = self._heights[worst]
         if math.isnan(height):

@@ -31,7 +31,7 @@ _OWN = 8
 
 
 class Twist(NamedTuple):
-    """Velocity of a frame at a stamp.
+    """Linear and angular velocity of a frame at a stamp.
 
     Attributes:
         stamp_ns: the moment [ns].
@@ -106,11 +106,11 @@ class VelocityInput(PoseInput):
 
     @property
     def memory(self) -> list[float]:
-        """Returns the input reader's state as numbers, without the last sample's stamp."""
+        """Returns the input reader's state as numbers for `take_up`, without the last stamp."""
         return [self._yaw, self._rate, *self._place, *self._velocity, *super().memory]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores the saved state of another reader for the same kind of input.
+        """Restores the state that `memory` of another reader of this input type returned.
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input.

@@ -57,7 +57,7 @@ class PresenceWatch:
         self._before = (math.inf, math.inf)
 
     def watch(self, limit: float) -> None:
-        """Sets the disagreement limit [m]."""
+        """Sets the disagreement limit [m], from which the least height of a wave follows."""
         self._least = TUNING.presence_share * limit if math.isfinite(limit) else TUNING.least_wave
 
     def reset(self) -> None:
@@ -71,7 +71,7 @@ class PresenceWatch:
         self._before = (math.inf, math.inf)
 
     def add(self, pair: Pair) -> None:
-        """Adds a pair of finite heights."""
+        """Adds a measured and an estimated height of the same time."""
         if (
             self._pairs
             and not 0 <= pair.stamp_ns - self._pairs[0].stamp_ns <= TUNING.presence_longest_ns

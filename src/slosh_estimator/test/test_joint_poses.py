@@ -219,6 +219,17 @@ def test_without_pinocchio_one_line_says_how_to_get_it(monkeypatch):
         Robot(RAIL_URDF, "cup")
 
 
+def test_a_pinocchio_that_cannot_be_loaded_names_the_systems_package(monkeypatch, tmp_path):
+    (tmp_path / "pinocchio.py").write_text(
+        "import ctypes\nraise ImportError('libgomp.so.1: gone')"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in [name for name in sys.modules if name.split(".")[0] == "pinocchio"]:
+        monkeypatch.delitem(sys.modules, name)
+    with pytest.raises(SloshEstimatorError, match=r"loaded: libgomp.*apt install libgomp1"):
+        Robot(RAIL_URDF, "cup")
+
+
 @pytest.mark.parametrize(("factor", "told"), [(1.0, "agree"), (57.3, "do not agree"), (0.0, "do")])
 def test_whether_velocities_agree_is_told(factor, told):
     poses = JointPoses(Robot(RAIL_URDF, "cup", "world"))

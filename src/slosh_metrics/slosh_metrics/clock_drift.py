@@ -168,7 +168,7 @@ class ClockDriftWatch:
 
     @property
     def is_sure(self) -> bool:
-        """Whether clock errors, rather than the model, explain a disagreement."""
+        """Whether clock errors, not the model, explain the difference of the heights."""
         return self.line is not None and (self.line.drifts or self.line.is_apart)
 
     def text(self) -> str:

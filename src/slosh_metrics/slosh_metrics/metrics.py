@@ -41,7 +41,7 @@ def mean_absolute_error(measured: ArrayLike, model: ArrayLike) -> float:
 
 
 def rms_error(measured: ArrayLike, model: ArrayLike) -> float:
-    """Returns the rms difference of two series; over all repetitions TM20's standard error.
+    """Returns the root-mean-square difference of two series, in their unit.
 
     >>> round(rms_error(measured=[0.003, 0.010], model=[0.003, 0.012]), 6)
     0.001414
@@ -105,7 +105,7 @@ class RunningAccuracy:
         self.reset()
 
     def reset(self) -> None:
-        """Resets the statistics."""
+        """Resets the error statistics to those of no data."""
         self.count = 0
         self._absolute_sum = self._squared_sum = 0.0
         self._measured_peak = -math.inf

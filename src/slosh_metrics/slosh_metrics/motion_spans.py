@@ -33,7 +33,7 @@ _NOTHING = (0.0,) * 5
 
 
 class MotionSpan(NamedTuple):
-    """Time span of a motion [ns], from the start of its first bin to the end of its last."""
+    """Time span of a motion, in whole time bins: start and end stamp [ns]."""
 
     start_ns: int
     end_ns: int
@@ -53,11 +53,11 @@ class MotionFinder:
 
     @property
     def spans(self) -> list[MotionSpan]:
-        """The motions so far; the last one may continue, and the current bin is not included."""
+        """The motions so far; the last one may continue; the current time bin is not included."""
         return self._spans
 
     def add(self, stamps: Integers, accelerations: Array, turning: Array | None = None) -> None:
-        """Adds accelerations, with angular velocities if they are known.
+        """Adds accelerations (and angular velocities if known) to the search for motions.
 
         Args:
             stamps: (N,) increasing [ns].
@@ -129,7 +129,7 @@ class MotionFinder:
         self._follow_rest(resting)
 
     def _follow_rest(self, resting: Vector | None) -> None:
-        """Uses a constant acceleration as the zero of motion if it must be a rest.
+        """Takes a constant acceleration as that of rest if it must be an offset, not a motion.
 
         Args:
             resting: the constant where it can be no acceleration; None: it may be one [m/s²].
@@ -163,7 +163,7 @@ class MotionFinder:
         return count, [MotionSpan(start, end)]
 
     def _moves(self) -> bool:
-        """Whether the container moves in the current bin."""
+        """Whether the container moves in the current time bin."""
         count, base = self._count, self._base
         away = [self._sums[axis] - count * base[axis] for axis in range(3)]
         return math.hypot(*away) > MOVING * count or self._turns()

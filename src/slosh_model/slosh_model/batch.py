@@ -248,7 +248,7 @@ def _one_by_one(store: Array, intervals: Array, motion: Inputs, heights: Array) 
 
 
 def _distinct(lanes: Sequence[T]) -> tuple[list[T], Counts]:
-    """Returns the distinct objects among those of the lanes, and each lane's index of them."""
+    """Returns the distinct objects of a list, and the index among them for each entry."""
     rows: dict[int, int] = {}
     which = [rows.setdefault(id(one), len(rows)) for one in lanes]
     return [lanes[which.index(row)] for row in range(len(rows))], np.array(which)

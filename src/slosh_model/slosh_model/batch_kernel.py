@@ -100,7 +100,7 @@ def _copy(lanes, w, source, target, count):  # type: ignore[no-untyped-def]
 
 @compiled
 def _blend(lanes, w, left, right, share, target):  # type: ignore[no-untyped-def]
-    """Interpolates the inputs of each lane between two samples; `share` is in [0, 1]."""
+    """Interpolates the inputs of each simulation between two samples; `share` is in [0, 1]."""
     for row in range(INPUT_COUNT):
         at = row * LANES
         for k in range(lanes):
@@ -110,7 +110,7 @@ def _blend(lanes, w, left, right, share, target):  # type: ignore[no-untyped-def
 
 @compiled
 def _accelerate(lanes, w):  # type: ignore[no-untyped-def]
-    """Computes q̈ of one mode in each lane; see `kernel.modal_acceleration`."""
+    """Computes q̈ of one mode in each simulation; see `kernel.modal_acceleration`."""
     all_lane_terms(lanes, w)
     for k in range(lanes):
         omega, zeta = w[MODE + FREQUENCY * LANES + k], w[MODE + DAMPING * LANES + k]
@@ -146,7 +146,7 @@ def _take_slope(lanes, w, weight, share):  # type: ignore[no-untyped-def]
 
 @compiled
 def _step(lanes, w, modulated):  # type: ignore[no-untyped-def]
-    """Makes one classical Runge-Kutta step of a mode in each lane."""
+    """Makes one classical Runge-Kutta step of a mode in each simulation."""
     for row in range(STATE_COUNT):
         for k in range(lanes):
             w[START + row * LANES + k] = w[STATE + row * LANES + k]
@@ -206,7 +206,7 @@ def _take_inputs(lanes, w, chunk, j):  # type: ignore[no-untyped-def]
 
 @compiled
 def _take_poses(lanes, w, input_rows, poses, i):  # type: ignore[no-untyped-def]
-    """Copies the pose of each lane for an input; without poses the container is upright."""
+    """Copies each simulation's pose for an input; without poses the container is upright."""
     for k in range(lanes):
         pose = pose_at(poses[input_rows[k]], i) if poses.shape[0] > 0 else UPRIGHT
         for row in range(POSE_COUNT):
@@ -215,7 +215,7 @@ def _take_poses(lanes, w, input_rows, poses, i):  # type: ignore[no-untyped-def]
 
 @compiled
 def _load_runs(lanes, w, stores, memory):  # type: ignore[no-untyped-def]
-    """Loads the last inputs, effect parameters and effect states of each lane's simulation."""
+    """Loads each simulation's last inputs, effect parameters and effect states."""
     for k in range(lanes):
         runs, _ = records(stores[k])
         run, at = runs[0], NEW_INPUTS + k
@@ -265,7 +265,7 @@ def _rotate_inputs(lanes, w):  # type: ignore[no-untyped-def]
 
 @compiled
 def _along_modes(lanes, w, at):  # type: ignore[no-untyped-def]
-    """Projects each lane's inputs on the direction of its mode, if the mode has a fixed one."""
+    """Projects each simulation's inputs on its mode's direction, if that is fixed."""
     if w[ALONG] == 0.0 and w[ALONG + LANES] == 0.0:  # lanes of a block are alike in this
         return
     for k in range(lanes):
@@ -326,7 +326,7 @@ def _add_static_heights(lanes, w):  # type: ignore[no-untyped-def]
 
 @compiled
 def _finish_sample(lanes, w, answers, j):  # type: ignore[no-untyped-def]
-    """Stores wall heights and rotation angle, and prepares the next sample."""
+    """Stores a sample's wall heights and rotation angles; resets the heights for the next one."""
     at = j * _ANSWERS
     for k in range(lanes):
         answers[at + k], answers[at + LANES + k] = w[HEIGHTS + k], w[HEIGHTS + LANES + k]

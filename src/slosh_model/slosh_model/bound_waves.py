@@ -14,7 +14,7 @@ from slosh_model.constants import GRAVITY
 
 @compiled
 def swing(rate, damping, dt):  # type: ignore[no-untyped-def]
-    """Returns K, damping rate and decaying cosine and sine that advance a free mode by dt.
+    """Returns the coefficients that advance a free second-order wave by a time step dt.
 
     Args:
         rate: K [1/m].

@@ -43,7 +43,7 @@ def compile_generated(
 
 
 def own_memory(effect: Effect, hook: str, memory: Mapping[str, int], array: str) -> str:
-    """Returns the source expression of an effect's slice of the state array; () without one."""
+    """Returns the source expression that slices an effect's states from the state array."""
     start, count = memory[effect.name], getattr(effect, f"{hook}_memory")
     return f"{array}{start}:{start + count}]" if count else "()"
 

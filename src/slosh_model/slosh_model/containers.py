@@ -74,7 +74,7 @@ class CupLengths(TypedDict):
 
 
 class Container(ABC):
-    """Interface of a container, which all models use.
+    """Interface of all container shapes, which the models use.
 
     A new shape is a subclass in a module of its own: defined, it can be named in model.yaml.
     Callers ask its methods; none asks for its class.
@@ -230,7 +230,7 @@ class Container(ABC):
 
     @property
     def silhouette(self) -> Array:
-        """Returns `side_view` along x."""
+        """Returns half of the wall's contour (N, 2) along x [m], z from the still level."""
         return self.side_view(X_AXIS)
 
     def side_view(self, axis: int = X_AXIS) -> Array:
@@ -304,7 +304,7 @@ class Container(ABC):
 
     @property
     def corners(self) -> Array:
-        """Corners (K, 2) of a wall over any outline, divided by the reaches along x and y.
+        """Corners (K, 2) of the outline, relative to the distances to the wall along x and y [1].
 
         None where it is round or a rectangle.
         """
@@ -312,7 +312,7 @@ class Container(ABC):
 
     @property
     def one_directional(self) -> bool:
-        """Whether each mode has its own direction, so that a number stands for two modes."""
+        """Whether each mode oscillates in a fixed direction, so that each number has two modes."""
         return False
 
     def axes(self, masses: int) -> float:

@@ -1,4 +1,4 @@
-"""Finds gaps in sampled motions."""
+"""Finds intervals without samples in motions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ sinc²(1/8) = 95 % of an acceleration at the liquid's frequency."""
 
 
 class Gap(NamedTuple):
-    """An interval without samples in a motion.
+    """An interval of a motion in which samples are missing.
 
     Attributes:
         start: time of the sample before it [s].

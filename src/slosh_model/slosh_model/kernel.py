@@ -134,7 +134,7 @@ def _hold(run, inputs):  # type: ignore[no-untyped-def]
 
 @compiled
 def _settle(run, modes, pose):  # type: ignore[no-untyped-def]
-    """Sets the liquid to its rest position for the pose of the first sample.
+    """Sets the liquid to rest in the attitude of the container at the first sample.
 
     That is the origin but for a container that is tilted. The container stands: whatever it does
     in the first sample begins there. By fixed-point iteration: each turn goes to where the linear
@@ -261,7 +261,7 @@ def step(store, dt, ax, ay, az):  # type: ignore[no-untyped-def]
 def advance_many(  # type: ignore[no-untyped-def]
     store, intervals, inputs, yaws, poses, history, heights
 ):
-    """Runs `advance` for many inputs.
+    """Integrates all modes over many inputs in place; see `advance`.
 
     Args:
         store: the model, as `layout.records` divides it; changed.
@@ -334,7 +334,7 @@ def highest_and_azimuth(run, first, height_x, height_y):  # type: ignore[no-unty
 
 @compiled
 def wall_place(azimuth, cornered, reaches, corners):  # type: ignore[no-untyped-def]
-    """Returns the wall position in a direction from the axis, in units of the reaches (c, s).
+    """Returns the wall position in a direction from the axis, relative to the half widths.
 
     Args:
         azimuth: the direction [rad].

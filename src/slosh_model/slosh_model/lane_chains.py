@@ -30,7 +30,7 @@ def _tuple(first: int, count: int) -> str:
 
 
 def _reader(name: str, first: int, count: int) -> list[str]:
-    """Generates the source of a function that reads a lane's values of several rows.
+    """Generates the source of a function that reads one simulation's values of several rows.
 
     Every effect calls it, so that Numba infers the types of these lines once.
     """
@@ -38,7 +38,7 @@ def _reader(name: str, first: int, count: int) -> list[str]:
 
 
 def _writer(name: str, first: int, count: int, sign: str) -> list[str]:
-    """Generates the source of a function that sets or increases a lane's values."""
+    """Generates the source of a function that sets or increases values of one simulation."""
     rows = [f"    w[{first + row * LANES} + k] {sign} values[{row}]" for row in range(count)]
     return [f"def {name}(w, k, values):", *rows, ""]
 

@@ -77,7 +77,7 @@ _STATE = RUN.fields["started"][1] // _WORD  # type: ignore[index]
 
 
 def new_store(mode_count: int) -> NDArray[np.float64]:
-    """Returns the array, filled with zeros, for a model with a number of modes."""
+    """Returns the zero-filled array (M,) that holds a model with `mode_count` modes."""
     return np.zeros(_RUN_LENGTH + mode_count * MODE.itemsize // _WORD)
 
 
@@ -87,7 +87,7 @@ def divided(store: NDArray[np.float64]) -> tuple[NDArray[np.void], NDArray[np.vo
 
 
 def back_to_rest(store: NDArray[np.float64]) -> None:
-    """Resets a model's array to the state before the first sample."""
+    """Resets a model's state array to rest, the state before the first sample."""
     store[_STATE:_RUN_LENGTH] = 0.0
     for name in MODAL:
         divided(store)[1][name] = 0.0

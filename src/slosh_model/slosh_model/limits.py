@@ -1,4 +1,4 @@
-"""Range of motion in which a model was validated."""
+"""Range of motion in which a model was validated by measurements."""
 
 from __future__ import annotations
 

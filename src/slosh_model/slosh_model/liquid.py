@@ -51,7 +51,7 @@ and 65 % of sucrose: pulp makes a juice thicker.
 
 
 def liquid_named(name: str) -> Liquid:
-    """Returns a liquid by its name in LIQUIDS.
+    """Returns a liquid by its name in the table LIQUIDS.
 
     Raises:
         SloshModelError: there is none of that name.

@@ -64,7 +64,7 @@ def measured_heights(
 
 @lru_cache(maxsize=64)
 def _read_with(model: Model) -> tuple[Array, float]:
-    """Returns the effect parameters and the fill height [m] of a model; cached."""
+    """Returns the parameters of a model's measurement effects, and the fill height [m]; cached."""
     parameters = effect_parameters(model)
     parameters.setflags(write=False)
     return parameters, model.mode_constants()[0].container.fill_height
@@ -93,11 +93,11 @@ class ReadingClock(NamedTuple):
 
     @property
     def same(self) -> bool:
-        """Whether both clocks show the same time."""
+        """Whether the measurement's clock equals the inputs' clock."""
         return self.offset == 0.0 and self.rate == 0.0
 
     def delay(self, elapsed: Elapsed) -> Elapsed:
-        """Returns the delay of a measurement [s].
+        """Returns by how much a measurement's stamp is later than the measured state [s].
 
         Args:
             elapsed: of the moment, or (N,) of moments, from the motion's start, on the inputs'

@@ -285,7 +285,7 @@ class Model:
 
     @property
     def mode_count(self) -> int:
-        """Number of masses: one for each mode, or two where each has its own direction."""
+        """Number of masses: one for each mode, or two where modes have fixed directions."""
         return 2 * self.modes if self.container.one_directional else self.modes
 
     def modal_azimuth(self, yaws: Array) -> Array:
@@ -299,7 +299,7 @@ class Model:
         return np.full(len(yaws), self.container.axes(len(self.mode_constants())))
 
     def _damping(self, container: Container, number: int) -> float:
-        """Returns the damping ratio ζ of a mode before modelled effects change it."""
+        """Returns the damping ratio ζ of a mode without modelled effects."""
         if self.damping_ratio is not None:
             return self.damping_ratio
         return container.mode_damping(self.liquid.kinematic_viscosity, number)

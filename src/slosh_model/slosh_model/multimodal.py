@@ -217,7 +217,7 @@ def _runge_kutta(
 
 
 def _rates(basis: _Basis, state: Array, sway: Array, lift: Array, order: int) -> Array:
-    """Returns the time derivatives of the modal amplitudes, up to the given order."""
+    """Returns the time derivatives of the tanks' modal amplitudes, up to the given order."""
     eta, psi = state
     gravity = (GRAVITY + lift)[:, None] + basis.tension
     linear = -gravity * eta - sway[:, None] * basis.lever - basis.damping * psi

@@ -1,4 +1,4 @@
-"""Heights on a wall over any outline, of a surface that is a plane.
+"""Heights of a plane liquid surface on vertical walls over any outline.
 
 Corners of the wall are (c, s), x and y in units of the reaches along them: the plane that is
 sh_x high at c = 1 and sh_y high at s = 1 is c sh_x + s sh_y high there.
@@ -61,7 +61,7 @@ def azimuth_at_corners(corners, count, height_x, height_y, reach_x, reach_y):  #
 
 @compiled
 def place_at_corners(azimuth, corners, count, reach_x, reach_y):  # type: ignore[no-untyped-def]
-    """Returns the wall position in a direction from the axis, in units of the reaches (c, s).
+    """Returns the wall position in a direction from the axis, relative to the half widths.
 
     The outermost, where the wall is there more than once; (0, 0), where it is not there at all.
 
@@ -87,7 +87,7 @@ def place_at_corners(azimuth, corners, count, reach_x, reach_y):  # type: ignore
 
 @entry_point(void(GIVEN_2, GIVEN_1, GIVEN_2, CHANGED_1, CHANGED_1))
 def highest_of_many(corners, reaches, heights, maximum, azimuth):  # type: ignore[no-untyped-def]
-    """Computes maximum heights and their azimuths.
+    """Computes maximum wall heights [m] and azimuths [rad] of many plane surfaces.
 
     Args:
         corners: (K, 2) of the wall.
@@ -103,7 +103,7 @@ def highest_of_many(corners, reaches, heights, maximum, azimuth):  # type: ignor
 
 
 def few_corners(places: Array, most: int = MOST_CORNERS) -> Array:
-    """Returns the points (K, 2) of a closed outline (N, 2) that keep its form best.
+    """Reduces a closed outline (N, 2) to the points (K, 2) that preserve its shape best.
 
     Those whose triangle with their neighbours is smallest are left out first (Visvalingam &
     Whyatt, Cartogr. J. 30, 1993).

@@ -13,7 +13,7 @@ from slosh_model.interpolation import columns_at
 def pose_rows(
     t: Array, attitude: Array | None, angular_velocity: Array | None
 ) -> tuple[Array, Array]:
-    """Returns yaw and pose of each sample.
+    """Returns the yaw angle and the pose row of each sample, for the compiled code.
 
     Args:
         t: (N,) time, strictly increasing [s].

@@ -17,7 +17,7 @@ _PLACES = 32  # so many steps along a side, where the highest place is looked fo
 
 @compiled
 def place_on_wall(azimuth, reach_x, reach_y):  # type: ignore[no-untyped-def]
-    """Returns the wall position in a direction from the axis, in units of the reaches (c, s).
+    """Returns the wall position in a direction from the axis, relative to the half widths.
 
     Args:
         azimuth: the direction [rad].

@@ -36,7 +36,7 @@ _NAME = re.compile(r"[\w-][\w.-]{0,39}")
 
 @dataclass(frozen=True, slots=True)
 class TrayContainer:
-    """One container on a tray.
+    """One container on a tray: name, model, position and limit.
 
     Attributes:
         name: of the container.
@@ -74,7 +74,7 @@ class TrayContainer:
 
 @dataclass(frozen=True)
 class Tray:
-    """The containers that a tray carries.
+    """A tray with several containers, or a single container without a tray.
 
     Attributes:
         containers: at least one; of a plain model that alone, at the frame's origin.
@@ -115,7 +115,7 @@ class Tray:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the containers."""
+        """Names of the containers on the tray."""
         return tuple(one.name for one in self.containers)
 
     @cached_property

@@ -49,7 +49,7 @@ class StampedReader:
         self._stamp = self._numbers = struct.Struct("<")
 
     def read(self, data: bytes) -> StampedNumbers:
-        """Returns the content of a message.
+        """Returns stamp, frame and numbers of a raw message.
 
         Raises:
             SloshMessageError: the bytes are no such message.

@@ -161,7 +161,7 @@ class Topic(NamedTuple):
 
 
 class Service(NamedTuple):
-    """A service or an action of a cell.
+    """A service or an action of a cell: name, type, and whether it may be renamed.
 
     Attributes:
         name: relative to the cell's namespace.

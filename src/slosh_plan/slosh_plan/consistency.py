@@ -74,7 +74,7 @@ def _check_pair(
 
 
 def _differences(t: Array, values: Array, order: int, step: float) -> Array:
-    """Returns finite differences (M, 3) over a time step, where enough samples exist."""
+    """Returns first or second differences (M, 3) of values (N, 3) at a fixed time step."""
     begin = t[: max(int(np.searchsorted(t, t[-1] - order * step, side="right")), 1)]
     at = [columns_at(begin + k * step, t, values) for k in range(order + 1)]
     change = at[1] - at[0] if order == 1 else at[2] - 2.0 * at[1] + at[0]

@@ -1,4 +1,4 @@
-"""Limits for machines whose straight strokes of the container are not known in advance.
+"""Limits for machines whose axes make straight moves of lengths that are not known in advance.
 
 A gantry or a laboratory robot accelerates, moves at a constant speed and brakes; how long each
 part lasts depends on the protocol. The limits hold for the worst lengths of all parts: a family of
@@ -31,7 +31,7 @@ SLOWEST, FASTEST = 1e-3, 5.0
 
 @dataclass(frozen=True, slots=True)
 class GantryLimits:
-    """Limits of each axis that keep the liquid below its limit, whatever the strokes are.
+    """Limits of each axis's motion that keep the liquid below its height limit in any move.
 
     Attributes:
         acceleration: without a limit of the jerk [m/s²].
@@ -51,7 +51,7 @@ class GantryLimits:
 def gantry_limits(
     model: Model, limits: HeightLimits, machine_acceleration: float | None = None
 ) -> GantryLimits:
-    """Finds the limits of a machine's axes, of which two may move at once.
+    """Finds acceleration and speed limits of a machine's axes, two of which may move at once.
 
     Args:
         model: of the container and its liquid; its nonlinear twin answers.
@@ -112,7 +112,7 @@ def _largest(height: Callable[[float], float], limit: float, low: float, high: f
 
 
 def _peak(model: Model, acceleration: float, ramp: float, longest: float) -> tuple[float, float]:
-    """Returns the greatest heights of many moves: at any time, and after the end [m].
+    """Returns the greatest wave heights [m] of many moves: at any time, and after the end.
 
     Args:
         model: the model.
@@ -145,7 +145,7 @@ def _speeds(edges: Array, values: Array) -> tuple[Array, Array]:
 def _moves(
     model: Model, acceleration: float, ramp: float, longest: float
 ) -> Iterator[tuple[Inputs, float]]:
-    """Yields moves of both axes, for a box also of one axis alone, with their end times [s]."""
+    """Yields moves of both axes together (for a box also of one axis), with end times [s]."""
     period = first_period(model)
     # A short push needs more samples.
     step = min(period, max(longest, period * TUNING.gantry_short) * TUNING.gantry_fine)

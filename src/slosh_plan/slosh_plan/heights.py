@@ -23,7 +23,7 @@ PERIODS = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Extremes:
-    """Maximum heights [m] during and after a motion.
+    """Maximum wave heights [m] during and after a motion.
 
     Attributes:
         peak: greatest MSH [m]; infinite where the model has left its range.
@@ -41,7 +41,7 @@ class Extremes:
 
 
 def first_period(model: Model) -> float:
-    """Returns the period of the first mode [s]."""
+    """Returns the period of the first sloshing mode [s]."""
     return 2.0 * math.pi / model.mode_constants()[0].natural_frequency
 
 
@@ -84,7 +84,7 @@ def all_extremes(
 def _heights(
     model: Model, inputs: Sequence[Inputs], modal: Array | None, max_step: float
 ) -> list[Array]:
-    """Computes the heights (N, 2) [m] of each motion; motions of equal start run together."""
+    """Computes the heights (N, 2) [m] of each motion, in batches of equal initial state."""
     groups: dict[float, list[int]] = {}
     for place, motion in enumerate(inputs):
         t = 0.0 if modal is None else float(motion.t[0])

@@ -21,7 +21,7 @@ JUMP = 1.5 * np.pi
 
 
 class Link(NamedTuple):
-    """A joint of a chain, with the link behind it.
+    """A joint of a robot's kinematic chain, with the pose of the link that follows.
 
     Attributes:
         joint: whose position it follows, by multiplier · position + offset.
@@ -185,7 +185,7 @@ class Arm(Robot):
         return found[:, :3], found[:, 3:]
 
     def chain(self) -> tuple[list[Link], Array]:
-        """Returns the joints that carry the link, from the root on, and the link behind them.
+        """Returns the joints from the robot's base to the container's link, and that link.
 
         Returns:
             joints; and (12,) rotation by rows and translation from the last of them to the link.
@@ -283,7 +283,7 @@ class Arm(Robot):
             yield q
 
     def _columns(self, joints: Sequence[str]) -> list[tuple[Mover, int]]:
-        """Returns the joints that carry the container, each with its column index."""
+        """Returns the joints that carry the container, each with its column in joint arrays."""
         own = list(joints)
         return [(mover, own.index(mover.joint)) for mover in self._movers if mover.joint in own]
 

@@ -1,4 +1,4 @@
-"""Limits of the sloshing height during a motion."""
+"""Limits of the liquid's height during and after a motion."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class HeightLimits:
             )
 
     def under_rim(self, model: Model) -> Self:
-        """Returns the limits, lowered to the rim, or a distance below it, where that is lower.
+        """Returns the limits, lowered to the rim's height minus `rim_distance` if that is lower.
 
         Raises:
             SloshPlanError: a distance that the still liquid does not keep, or to a rim that is
@@ -71,7 +71,7 @@ class HeightLimits:
 
     @property
     def height_name(self) -> str:
-        """Name of what limits the height: a limit or the rim, in words."""
+        """Describes in words what the height limit is: a given limit, or the rim."""
         return rim_name(self.rim_distance) if self.at_rim else "limit"
 
     @property

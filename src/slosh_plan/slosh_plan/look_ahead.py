@@ -18,7 +18,7 @@ LEAST = 3
 
 
 class Record(NamedTuple):
-    """Accuracy of past predictions in this robot cell: count, MAE [m] and relative error ε."""
+    """Accuracy of earlier predictions in this robot cell: count, MAE [m] and relative error ε."""
 
     count: int  # type: ignore[assignment]  # the message's name, over tuple.count
     sigma: float

@@ -82,7 +82,7 @@ class ModelError:
 
 @dataclass(frozen=True, slots=True)
 class ModelAnswer:
-    """Prediction of a motion by one model.
+    """Predicted heights of a motion by one model, linear or nonlinear.
 
     Attributes:
         model: its name.
@@ -104,7 +104,7 @@ class ModelAnswer:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Prediction:
-    """Prediction of the sloshing heights of a motion.
+    """Prediction of the liquid's heights in a motion, with uncertainty and limits.
 
     >>> import slosh
     >>> found = slosh.predict("cup/model.yaml", "move.csv", limit=0.02)
@@ -315,7 +315,7 @@ def check_start(model: Model, state: LiquidState | None, limits: HeightLimits) -
 
 
 def principal_variants(model: Model, width: float = 1.0) -> list[tuple[Model, Model]]:
-    """Returns pairs of models displaced ± along each principal axis of the covariance.
+    """Returns pairs of models with parameters displaced ± along the covariance's principal axes.
 
     Args:
         model: the model; without a covariance there are none.

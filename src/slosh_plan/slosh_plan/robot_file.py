@@ -48,7 +48,7 @@ class CarryingRobot:
         return f"joint limits of {', '.join(strange)}: no such joint in the URDF" * bool(strange)
 
     def limits(self, joints: Sequence[str]) -> JointLimits:
-        """Returns the limits of the named joints."""
+        """Returns the position, velocity and other limits of the named joints."""
         return limits_of(self.arm, joints, self.given)
 
     def path(
@@ -126,7 +126,7 @@ def read_robot(
 
 
 def read_arm(path: str | FilePath, tool_frame: str, group: Sequence[str] = ()) -> Arm:
-    """Reads a robot from a URDF file.
+    """Reads a robot's kinematics from a URDF file.
 
     Args:
         path: the file.
@@ -145,7 +145,7 @@ def read_arm(path: str | FilePath, tool_frame: str, group: Sequence[str] = ()) -
 
 
 def robot_of(parameters: Mapping[str, Any]) -> CarryingRobot | None:
-    """Reads the robot that a node's parameters name; None if they name none.
+    """Reads the robot from the files that a node's parameters name; None if no file is named.
 
     Raises:
         SloshEstimatorError, SloshPlanError, SloshFileError: as of `read_robot`.

@@ -34,7 +34,7 @@ class _Joint(NamedTuple):
 
 
 def read_group(path: str | Path, name: str, urdf: str) -> Group:
-    """Reads the joints of a group.
+    """Reads the joints of a planning group from an SRDF file.
 
     Joints, links, chains and groups in a group count as MoveIt counts them: a link stands for the
     joint above it, a chain for all joints between its links. Fixed joints, and those that mimic
@@ -80,7 +80,7 @@ def _joints(urdf: str) -> dict[str, _Joint]:
 
 
 class _Reader:
-    """Resolves the groups of one SRDF file."""
+    """Finds the joints of the groups in one SRDF file."""
 
     def __init__(
         self, path: str, groups: Mapping[str, ElementTree.Element], above: Mapping[str, _Joint]

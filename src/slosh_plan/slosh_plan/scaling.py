@@ -40,7 +40,7 @@ COUNT = TUNING.scales
 
 @dataclass(frozen=True, slots=True)
 class SafeScales:
-    """Time scales of a motion that keep the limits.
+    """Factors by which a motion may be slowed so that the limits are kept.
 
     >>> import numpy as np
     >>> from slosh_model import read_model
@@ -76,7 +76,7 @@ class SafeScales:
 
     @property
     def islands(self) -> tuple[tuple[float, float], ...]:
-        """Intervals of safe scales that are separated from slower safe ones."""
+        """Safe intervals of time scales that an unsafe interval separates from slower scales."""
         end = len(self.intervals) - (not math.isnan(self.safe_from))
         return self.intervals[:end]
 
@@ -165,7 +165,7 @@ class Budget:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Scan:
-    """Settings for the scan over time scales."""
+    """Motion, model and limits for the scan over time scales."""
 
     model: Model
     trajectory: Trajectory
@@ -273,7 +273,7 @@ def fastest_scale(model: Model, trajectory: Trajectory) -> float:
 
 
 def slowest_scale(trajectory: Trajectory, fastest: float, bound: float | None) -> float:
-    """Returns the scale at which the scan ends: above the bound, if there is one.
+    """Returns the largest time scale to scan: just above the one proven safe, if known.
 
     Args:
         trajectory: the motion.

@@ -63,7 +63,7 @@ def state_of(states: LiquidStates | None, container: str) -> LiquidState | None:
 
 
 def begun(model: Model, modal: Array | None, t: float) -> State | None:
-    """Returns a model's state at the start of a motion [s], or None at rest.
+    """Returns a model's state at a motion's start time t [s]; None if the liquid is at rest.
 
     Raises:
         SloshPlanError: the state of another model.

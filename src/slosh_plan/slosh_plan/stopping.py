@@ -41,7 +41,7 @@ class NoSafeStopError(SloshPlanError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stop:
-    """A stop of the container that keeps every limit.
+    """A stopping motion of the container that keeps every limit.
 
     Attributes:
         trajectory: 1 kHz, from now at t = 0; positions from where the container is now [m].

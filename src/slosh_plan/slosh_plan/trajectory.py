@@ -1,4 +1,4 @@
-"""A planned motion of the container."""
+"""A planned motion of the container, sampled over time."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ class Trajectory:
 
     @property
     def duration(self) -> float:
-        """Duration from the first to the last sample [s]."""
+        """Duration from the motion's first to its last sample [s]."""
         return float(self.t[-1] - self.t[0])
 
     @property

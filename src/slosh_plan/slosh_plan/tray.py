@@ -26,7 +26,7 @@ L = TypeVar("L", bound=HeightLimits)
 
 
 class TrayPrediction(NamedTuple):
-    """Prediction for a motion of a tray.
+    """Predicted heights in all containers on a tray for one motion.
 
     Attributes:
         containers: the prediction of each, by name.
@@ -40,7 +40,7 @@ class TrayPrediction(NamedTuple):
 
     @property
     def stands(self) -> bool:
-        """Whether no container slides, tips or lifts off."""
+        """Whether no container on the tray slides, tips or lifts off."""
         return all(use.stands for use in self.standing.values())
 
     @property

@@ -1,4 +1,4 @@
-"""Connection to an MQTT broker: settings, TLS, and the loop that connects again."""
+"""Connection to an MQTT broker: settings, TLS, and a loop that reconnects."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ BROKER = re.compile(r"(?P<host>\[[0-9a-fA-F:]+\]|[\w.-]+)(:(?P<port>\d{1,5}))?",
 
 @dataclass(frozen=True, slots=True)
 class MqttSettings:
-    """Settings of a publisher to an MQTT broker.
+    """Settings of the connection to an MQTT broker: address, user, TLS files.
 
     Attributes:
         cell: namespace of the cell without the first slash.
@@ -50,7 +50,7 @@ class MqttSettings:
 
     @property
     def address(self) -> str:
-        """Address of the broker as text."""
+        """Address of the broker as text, host and port."""
         return f"{self.host}:{self.port}"
 
 
@@ -63,7 +63,7 @@ def read_settings(
     certificate: str = "",
     private_key: str = "",
 ) -> MqttSettings:
-    """Reads the settings from a node's parameters.
+    """Reads broker address, credentials and TLS files from a node's parameters.
 
     Args:
         cell: namespace of the cell without the first slash.
@@ -102,7 +102,7 @@ def read_settings(
 
 
 class Message(NamedTuple):
-    """A message for a broker: topic, payload, and whether later readers get it."""
+    """A message for a broker: topic, payload, and whether the broker retains it."""
 
     topic: str
     data: bytes
@@ -110,14 +110,14 @@ class Message(NamedTuple):
 
 
 def lost_state() -> CellState:
-    """Returns the state of a cell whose server has gone: all values are bad."""
+    """Returns the state of a cell whose messages have stopped: all values have bad quality."""
     return CellState(
         True, **{signal.name: Reading(signal.lost, Quality.BAD) for signal in SIGNALS}
     )
 
 
 class BrokerClient(ABC):
-    """Publishes a cell's state to a broker, and connects again when that is lost.
+    """Publishes a cell's state to an MQTT broker, and reconnects when the connection is lost.
 
     Args:
         settings: of the broker.
@@ -138,22 +138,22 @@ class BrokerClient(ABC):
     @property
     @abstractmethod
     def where(self) -> str:
-        """Where it is published, for a sentence."""
+        """Name of the place to which the state is published, for log messages."""
 
     @abstractmethod
     def will(self) -> Message:
-        """Returns the last will; called once for each connection, before it is made."""
+        """Returns the MQTT last will; called before each connection."""
 
     @abstractmethod
     async def session(self, client: Any) -> None:
-        """Publishes each new state over a connection, until that is lost."""
+        """Publishes each new state over a connection, until the connection is lost."""
 
     @abstractmethod
     async def last_words(self, client: Any) -> None:
-        """Publishes that the cell is lost, before a good-bye, after which there is no will."""
+        """Publishes that the cell is lost before a disconnect, since no last will is sent then."""
 
     async def start(self, state: State) -> None:
-        """Begins to connect; an absent broker is no error.
+        """Starts to connect; an unreachable broker raises no error.
 
         Raises:
             SloshPlcError: aiomqtt is not installed.
@@ -165,7 +165,7 @@ class BrokerClient(ABC):
         self._task = asyncio.get_running_loop().create_task(self._run())
 
     async def update(self, state: CellState) -> None:
-        """Takes the newest state; one that could not be sent yet is replaced."""
+        """Stores the newest state for publication; replaces one that is not published yet."""
         if self._task is not None and self._task.done():
             self._task.result()  # an error that nobody foresaw ends the servers
         with contextlib.suppress(asyncio.QueueEmpty):
@@ -173,7 +173,7 @@ class BrokerClient(ABC):
         self._newest.put_nowait(state)
 
     async def newest(self) -> CellState:
-        """Waits for a state that was not published yet."""
+        """Waits for a state that is not published yet, and returns it."""
         return await self._newest.get()
 
     async def stop(self) -> None:
@@ -211,7 +211,7 @@ class BrokerClient(ABC):
             await asyncio.sleep(TUNING.retry)
 
     async def _connect(self) -> None:
-        """Connects, and publishes until the connection is lost."""
+        """Connects to the broker, and publishes until the connection is lost."""
         from aiomqtt import Client, Will
 
         own, will = self.settings, self.will()
@@ -232,7 +232,7 @@ class BrokerClient(ABC):
 
 
 def reason_of(error: Exception) -> str:
-    """Returns why a broker cannot be reached, in one line and without names of C sources."""
+    """Returns in one line why a broker cannot be reached, without OpenSSL's source references."""
     text = " ".join(str(error).split()) or type(error).__name__
     if "CERTIFICATE_VERIFY_FAILED" in text:
         text = "mqtt_authority: the broker's " + text[text.index("certificate verify failed") :]
@@ -260,5 +260,5 @@ def _tls(authority: Path, identity: tuple[Path, Path] | None) -> ssl.SSLContext:
 
 
 def _no_password() -> str:
-    """Answers for a key with a password; without it OpenSSL would ask on the terminal."""
+    """Refuses a password-protected key, for which OpenSSL would prompt on the terminal."""
     raise ValueError("has a password")

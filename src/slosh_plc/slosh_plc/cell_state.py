@@ -19,7 +19,7 @@ ADDRESSES: Final = 4
 
 
 class Quality(IntEnum):
-    """Quality of a value; the numbers are those that a Modbus client reads."""
+    """Quality of a value; the numbers are those in the Modbus registers."""
 
     GOOD = 0
     UNCERTAIN = 1
@@ -27,7 +27,7 @@ class Quality(IntEnum):
 
 
 class Kind(Enum):
-    """Data type of a value."""
+    """Data type of a value: boolean, integer, choice or number."""
 
     FLAG = "bool"
     COUNT = "uint32"
@@ -36,14 +36,14 @@ class Kind(Enum):
 
 
 class Reading(NamedTuple):
-    """A value with its quality; NaN with bad quality: the value is unknown."""
+    """A value with its quality; NaN with bad quality means that the value is unknown."""
 
     value: float
     quality: Quality
 
 
 class Signal(NamedTuple):
-    """What a server tells about one value of the cell.
+    """Description of one value of the cell state: name, type, unit, meaning, Modbus address.
 
     Attributes:
         name: of the value.
@@ -72,14 +72,14 @@ def _signal(
     lost: float = math.nan,
     choices: tuple[str, ...] = (),
 ) -> Reading:
-    """Creates a field of CellState; to the type checker it is the reading itself."""
+    """Creates a field of CellState with its description; type checkers see a Reading."""
     about = (kind, unit, meaning, ADDRESSES * place, lost, choices)
     return cast("Reading", field(metadata={"signal": about}))
 
 
 @dataclass(frozen=True, slots=True)
 class CellState:
-    """State of a cell at one moment; the field's metadata has what a server tells about it.
+    """State of a cell at one moment; each field's metadata describes its value.
 
     Attributes:
         is_lost: whether no message came from the cell's monitor for a while, or ever.

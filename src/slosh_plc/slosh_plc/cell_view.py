@@ -1,4 +1,4 @@
-"""Collects a cell's messages and makes its state for controllers outside ROS.
+"""Collects a cell's ROS messages and creates the cell state for controllers outside ROS.
 
 Time is an argument: steady time [s]. Messages are those of slosh_msgs, or objects with the same
 fields. One thread may add messages while another asks for the state.
@@ -35,7 +35,7 @@ COUNTERS: Mapping[int, str] = {
 
 
 class CellView:
-    """Collects the newest messages of one cell.
+    """Collects the newest messages of one cell for its state.
 
     Args:
         now: steady time of the start [s]; the heartbeat counts from here.
@@ -52,7 +52,7 @@ class CellView:
         self._events: Counter[str] = Counter()
 
     def take_comparison(self, message: Any, now: float) -> None:
-        """Stores a SloshComparison that was received at a steady time [s]."""
+        """Stores a SloshComparison message with its arrival time [s] (monotonic clock)."""
         known = message.state in tuple(Condition)
         condition = Condition(message.state) if known else Condition.BLIND
         doubtful = condition is Condition.BLIND
@@ -72,12 +72,12 @@ class CellView:
             self._compared, self._heard_at = compared, now
 
     def take_fused(self, message: Any, now: float) -> None:
-        """Stores a FusedEstimate that was received at a steady time [s]."""
+        """Stores a FusedEstimate message with its arrival time [s] (monotonic clock)."""
         with self._lock:
             self._fused, self._fused_at = _height(message.msh, not message.trusted, False), now
 
     def take_calm(self, message: Any, now: float) -> None:
-        """Stores a Calm that was received at a steady time [s]."""
+        """Stores a Calm message with its arrival time [s] (monotonic clock)."""
         stale = message.reason == CalmReason.STALE
         unsure = message.reason == CalmReason.UNSURE
         time = _number(message.time_until_calm, unsure)
@@ -89,13 +89,13 @@ class CellView:
             self._calm, self._calm_at = {"calm": is_calm, "time_until_calm": time}, now
 
     def take_event(self, message: Any) -> None:
-        """Counts a LimitEvent that is the start of an excess."""
+        """Counts a LimitEvent message that reports the start of a limit violation."""
         if message.kind == EventKind.START and message.source in COUNTERS:
             with self._lock:
                 self._events[COUNTERS[message.source]] += 1
 
     def take_parameters(self, node: str, parameters: Mapping[str, Any]) -> None:
-        """Stores the limits among the settings of a node of the cell; only the monitor has any."""
+        """Stores the height limits if the parameters are those of the monitor node."""
         if node != "monitor":
             return
         limits = MonitorSettings.from_partial(parameters).limits
@@ -111,7 +111,7 @@ class CellView:
             return now - self._heard_at
 
     def state(self, now: float) -> CellState:
-        """Returns the cell's state at a steady time [s].
+        """Returns the cell's state at a time of the monotonic clock [s].
 
         Without a comparison for TUNING.silence all values but the heartbeat have bad quality.
         """
@@ -132,7 +132,7 @@ class CellView:
 
 
 def _number(value: float, doubtful: object = False) -> Reading:
-    """Returns a number with its quality; an impossible one is unknown."""
+    """Returns a number with its quality; NaN with bad quality if it is impossible."""
     if not abs(value) < _FARTHEST:  # nor is NaN
         return UNKNOWN
     return Reading(float(value), Quality.UNCERTAIN if doubtful else Quality.GOOD)

@@ -1,4 +1,4 @@
-"""Creates an OPC UA server's certificate and key, and the folder of the clients that it trusts.
+"""Creates an OPC UA server's certificate and key, and the folder of trusted client certificates.
 
 FOLDER/server.pem and FOLDER/server.key.pem are the server's; FOLDER/trusted has one file for each
 client. Nothing is replaced unless asked for.
@@ -31,7 +31,7 @@ KEY_SIZE = 2048
 def create(
     folder: Path, hosts: Sequence[str], days: float, now: datetime, *, replace: bool = False
 ) -> Certificate:
-    """Creates the server's certificate, signed by itself, and its key.
+    """Creates a self-signed server certificate and its private key.
 
     Args:
         folder: for both files; made where it is missing.
@@ -70,7 +70,7 @@ def create(
 
 
 def trust(folder: Path, path: Path) -> Certificate:
-    """Adds a client's certificate to those that are trusted; one that is there stays.
+    """Adds a client's certificate to the trusted ones; does nothing if it is already trusted.
 
     Args:
         folder: of the server's certificate.
@@ -96,7 +96,7 @@ def trust(folder: Path, path: Path) -> Certificate:
 
 
 def certificates_in(folder: Path) -> list[Certificate]:
-    """Returns the server's certificate, if there is one, and those of the trusted clients.
+    """Returns the server's certificate, if it exists, and the trusted clients' certificates.
 
     Raises:
         SloshPlcError: there is no such folder, or a file is no certificate.
@@ -111,7 +111,7 @@ def certificates_in(folder: Path) -> list[Certificate]:
 
 
 def _made(hosts: Sequence[str], begin: datetime, until: datetime) -> tuple[bytes, bytes]:
-    """Returns a new certificate and its key in PEM."""
+    """Returns a new certificate and its private key, PEM-encoded."""
     try:
         from cryptography import x509
         from cryptography.hazmat.primitives import hashes

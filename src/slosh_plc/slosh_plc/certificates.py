@@ -1,4 +1,4 @@
-"""Reads the certificates of an OPC UA server and of the clients that it trusts."""
+"""Reads the certificates of an OPC UA server and of its trusted clients."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LARGEST = 64_000
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """What a certificate's file says.
+    """Content of a certificate file: name, validity, fingerprint and hosts.
 
     Attributes:
         path: PEM or DER file.
@@ -44,15 +44,15 @@ class Certificate:
 
     @property
     def fingerprint(self) -> bytes:
-        """SHA-256 fingerprint."""
+        """SHA-256 fingerprint of the certificate."""
         return hashlib.sha256(self.der).digest()
 
     def days_left(self, now: datetime) -> float:
-        """Returns the rest of its validity [day]; negative: it has expired."""
+        """Returns the remaining validity of the certificate [day]; negative if it has expired."""
         return (self.until - now).total_seconds() / DAY
 
     def complaint(self, now: datetime) -> str:
-        """Returns a sentence if it expires soon, has expired or is not valid yet; else empty."""
+        """Returns a warning if the certificate has expired, expires soon or is not valid yet."""
         rest = self.days_left(now)
         when = f"{self.until:%Y-%m-%d}"
         if self.begin > now:
@@ -67,7 +67,7 @@ class Certificate:
 
 @dataclass(frozen=True, slots=True)
 class ServerCertificate(Certificate):
-    """A server's certificate, checked against its key and the time.
+    """A server's certificate, checked against its private key and the present time.
 
     Attributes:
         key_der: its private key, PKCS #8.
@@ -76,7 +76,7 @@ class ServerCertificate(Certificate):
     key_der: bytes = field(repr=False)
 
     def check_host(self, host: str) -> None:
-        """Checks that it holds for the address on which the server listens.
+        """Checks that the certificate is issued for the address on which the server listens.
 
         Raises:
             SloshPlcError: it does not, and clients would refuse it.
@@ -91,7 +91,7 @@ class ServerCertificate(Certificate):
 
 
 def read_certificate(name: str, path: Path) -> Certificate:
-    """Reads a certificate; whether it is valid now is not checked.
+    """Reads a certificate; does not check its validity period.
 
     Args:
         name: of the parameter or option that gives the path.
@@ -125,7 +125,7 @@ def read_certificate(name: str, path: Path) -> Certificate:
 
 
 def read_server_certificate(path: Path, key: Path, now: datetime) -> ServerCertificate:
-    """Reads and checks the server's certificate.
+    """Reads the server's certificate and checks it against its key and the time.
 
     Args:
         path: PEM or DER file of the certificate.
@@ -157,7 +157,7 @@ def read_server_certificate(path: Path, key: Path, now: datetime) -> ServerCerti
 
 
 def read_trusted(folder: Path) -> tuple[Certificate, ...]:
-    """Reads the certificates of trusted clients, in the order of their files' names.
+    """Reads the certificates of trusted clients, sorted by file name.
 
     Raises:
         SloshPlcError: there is no such folder, a file in it is no certificate, or it has none.

@@ -1,4 +1,4 @@
-"""Serves a cell's state over Modbus TCP: the least that every controller reads.
+"""Serves a cell's state over Modbus TCP, with the functions that every PLC supports.
 
 Each value has four registers: two with a float32 or an unsigned integer, the high word first, one
 with its quality (0 good, 1 uncertain, 2 bad), one spare. Functions 3 and 4 read the same
@@ -20,7 +20,7 @@ READING = (3, 4)
 
 
 def registers(state: CellState) -> list[int]:
-    """Returns the (REGISTERS,) registers that hold a cell's state, from address 0."""
+    """Returns the Modbus registers (REGISTERS,) of a cell's state, from address 0."""
     words: list[int] = []
     readings = state.readings()
     for signal in SIGNALS:
@@ -42,14 +42,14 @@ class ModbusSettings:
 
 
 class ModbusServer:
-    """Modbus TCP server of a cell's state; any unit identifier reads it."""
+    """Modbus TCP server of a cell's state; it answers to any unit identifier."""
 
     def __init__(self, settings: ModbusSettings) -> None:
         self._settings = settings
         self._server: Any = None
 
     async def start(self, state: State) -> None:
-        """Begins to listen.
+        """Starts to listen for Modbus clients.
 
         Raises:
             SloshPlcError: the port is taken, or pymodbus is not installed.
@@ -81,13 +81,13 @@ class ModbusServer:
             raise SloshPlcError(f"modbus_port = {address[1]}: {error}") from None
 
     async def update(self, state: CellState) -> None:
-        """Does nothing: each request asks for the state itself."""
+        """Does nothing, because the server reads the present state at each request."""
 
     async def stop(self) -> None:
-        """Closes the port and all connections."""
+        """Closes the port and the connections of all clients."""
         await self._server.shutdown()
 
     def health(self) -> ServerHealth:
-        """Returns the server's address."""
+        """Returns the server's state and address."""
         address = f"{self._settings.host}:{self._settings.port}"
         return ServerHealth(True, f"Modbus TCP on {address}")

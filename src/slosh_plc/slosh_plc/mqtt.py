@@ -17,7 +17,7 @@ from slosh_plc.cell_state import SIGNALS, CellState, Kind
 
 
 def document(cell: str, state: CellState, now: datetime) -> str:
-    """Returns a cell's state as JSON; a value that is unknown is null.
+    """Returns a cell's state as JSON, with null for unknown values.
 
     Args:
         cell: namespace of the cell without the first slash.
@@ -38,7 +38,7 @@ def document(cell: str, state: CellState, now: datetime) -> str:
 
 
 class MqttPublisher(BrokerClient):
-    """Publishes a cell's state as a retained document."""
+    """Publishes a cell's state to an MQTT broker as a retained JSON document."""
 
     kind = "MQTT"
 
@@ -47,26 +47,26 @@ class MqttPublisher(BrokerClient):
 
     @property
     def topic(self) -> str:
-        """Topic of the cell's document."""
+        """MQTT topic of the cell's JSON document."""
         return f"{PREFIX}/{self.settings.cell}/state"
 
     @property
     def where(self) -> str:
-        """Topic of the cell's document, for a sentence."""
+        """MQTT topic of the cell's JSON document, for log messages."""
         return f"topic {self.topic}"
 
     def will(self) -> Message:
-        """Returns the document of a lost cell."""
+        """Returns the retained document of a lost cell, as MQTT last will."""
         return Message(self.topic, self._document(lost_state()), True)
 
     async def session(self, client: Any) -> None:
-        """Publishes each new state, without waiting for the broker's answer."""
+        """Publishes each new state, without waiting for the broker's acknowledgement."""
         while True:
             data = self._document(await self.newest())
             await client.publish(self.topic, data, retain=True)
 
     async def last_words(self, client: Any) -> None:
-        """Publishes the document of a lost cell."""
+        """Publishes the document of a lost cell before a disconnect."""
         await client.publish(self.topic, self._document(lost_state()), qos=1, retain=True)
 
     def _document(self, state: CellState) -> bytes:

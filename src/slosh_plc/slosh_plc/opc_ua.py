@@ -1,4 +1,4 @@
-"""Serves a cell's state over OPC UA: one object per cell, its values with units and status.
+"""Serves a cell's state over OPC UA: one object per cell, with units and status codes.
 
 Nothing can be written, by nobody: variables are read-only, and no user is an administrator.
 Without a certificate the server has no security and listens on this machine only. With one it
@@ -31,18 +31,18 @@ LONGEST_NAME: Final = 80
 
 
 def node_name(cell: str, signal: str) -> str:
-    """Returns the string identifier of a value's node, the same in each start of the server."""
+    """Returns the OPC UA node's string identifier of a value, the same after each restart."""
     return f"{cell}.{signal}"
 
 
 def unit_number(code: str) -> int:
-    """Returns the number of a unit in OPC UA by its common code (OPC 10000-8, 5.6.3)."""
+    """Returns the OPC UA unit number of a UNECE common code (OPC 10000-8, 5.6.3)."""
     return int.from_bytes(code.encode("ascii"), "big")
 
 
 @dataclass(frozen=True, slots=True)
 class OpcUaSettings:
-    """Settings of an OPC UA server.
+    """Settings of an OPC UA server: address, certificate and trusted clients.
 
     Attributes:
         cell: name of the cell's object, its namespace without the first slash.
@@ -73,7 +73,7 @@ class OpcUaSettings:
 
     @property
     def url(self) -> str:
-        """Address that clients connect to."""
+        """URL that OPC UA clients connect to."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"opc.tcp://{host}:{self.port}/{PATH}"
 
@@ -89,7 +89,7 @@ class OpcUaServer:
         self._refused = Refused()
 
     async def start(self, state: State) -> None:
-        """Makes the address space and begins to listen.
+        """Creates the address space and starts to listen.
 
         Raises:
             SloshPlcError: the port is taken, or asyncua is not installed.
@@ -114,7 +114,7 @@ class OpcUaServer:
             raise SloshPlcError(f"opc_ua_port = {self._settings.port}: {error}") from None
 
     async def update(self, state: CellState) -> None:
-        """Writes all values with their status codes."""
+        """Writes all values of the cell's state with their status codes."""
         now = datetime.now(UTC)
         readings = state.readings()
         for signal in SIGNALS:
@@ -123,11 +123,11 @@ class OpcUaServer:
         self._clients = len(self._server.bserver.clients) if self._server.bserver else 0
 
     async def stop(self) -> None:
-        """Closes all connections and the port."""
+        """Closes the port and the connections of all clients."""
         await self._server.stop()
 
     def health(self) -> ServerHealth:
-        """Returns the address, the clients, and complaints about certificates."""
+        """Returns the server's address, number of clients, and warnings about certificates."""
         own = self._settings.certificate
         known = [*([own] if own else []), *self._settings.trusted]
         now = datetime.now(UTC)
@@ -138,7 +138,7 @@ class OpcUaServer:
 
 
 class Refused:
-    """Counts the clients that are refused by their certificates.
+    """Counts the clients that are refused because of their certificates, by reason.
 
     Attributes:
         sentence: how many, and why the last one; empty: none was.
@@ -149,7 +149,7 @@ class Refused:
         self.sentence = ""
 
     def add(self, certificate: Any, reason: str) -> None:
-        """Counts a client that is refused for a reason."""
+        """Counts one client that was refused for the given reason."""
         self._count += 1
         who = plain_line(certificate.subject.rfc4514_string())[:LONGEST_NAME]
         self.sentence = f"{self._count} clients refused, the last one, {who}: {reason}"
@@ -165,7 +165,7 @@ class _Readers:
 
 
 async def _secure(server: Any, settings: OpcUaSettings, refused: Refused) -> None:
-    """Sets the security of a server that does not listen yet."""
+    """Sets the security policies of a server that is not started yet."""
     from asyncua import ua
 
     own = settings.certificate
@@ -188,7 +188,7 @@ async def _secure(server: Any, settings: OpcUaSettings, refused: Refused) -> Non
 
 
 def _validator(trusted: Sequence[Certificate], refused: Refused) -> Any:
-    """Returns a function that refuses clients by their certificates."""
+    """Returns asyncua's certificate check, which refuses clients that are not trusted."""
     from asyncua import ua
     from asyncua.common.utils import ServiceError
     from asyncua.crypto.validator import CertificateValidator
@@ -214,7 +214,7 @@ def _validator(trusted: Sequence[Certificate], refused: Refused) -> Any:
 
 
 async def _make_model(server: Any, cell: str) -> dict[str, Any]:
-    """Makes the object type and the cell's object; returns its variables by signal name."""
+    """Creates the object type and the cell's object; returns its variables by value name."""
     index = await server.register_namespace(NAMESPACE)
     kind = await server.nodes.base_object_type.add_object_type(_identifier(index, TYPE), TYPE)
     for signal in SIGNALS:
@@ -228,7 +228,7 @@ async def _make_model(server: Any, cell: str) -> dict[str, Any]:
 
 
 async def _add_object(server: Any, index: int, name: str, kind: Any) -> Any:
-    """Adds an object of a type without the type's own values.
+    """Adds an object of a type, without the variables that the type defines.
 
     `add_object` would give those numbers as identifiers, other ones after each change of the
     model.
@@ -288,7 +288,7 @@ async def _add_variable(parent: Any, index: int, name: str, signal: Signal) -> A
 
 
 def _data_value(signal: Signal, reading: Reading, is_lost: bool, now: datetime) -> Any:
-    """Returns a value as OPC UA has it: its type, status code and time."""
+    """Returns a value as an OPC UA DataValue: typed value, status code and time."""
     from asyncua import ua
 
     types = {

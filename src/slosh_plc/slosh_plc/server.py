@@ -1,4 +1,4 @@
-"""What all servers of a cell's state have in common, and the thread that runs them.
+"""Base class of all servers of a cell's state, and the thread that runs the servers.
 
 The servers ask for the state themselves: a node whose own thread stands still cannot leave them
 with the last good one.
@@ -25,30 +25,30 @@ INSTALL = "pip install -r requirements/plc.txt"
 
 
 class ServerHealth(NamedTuple):
-    """Whether a server works, and a sentence about it."""
+    """Whether a server works, and a sentence that describes its state."""
 
     is_good: bool
     sentence: str
 
 
 class Server(Protocol):
-    """A server of a cell's state; its coroutines run in one event loop."""
+    """Interface of a server of a cell's state; its coroutines run in one event loop."""
 
     async def start(self, state: State) -> None:
-        """Begins to serve; raises SloshPlcError if it cannot."""
+        """Starts to serve; raises SloshPlcError if that is impossible."""
 
     async def update(self, state: CellState) -> None:
-        """Takes a new state; called every TUNING.period."""
+        """Passes a new cell state to the server; called every TUNING.period."""
 
     async def stop(self) -> None:
-        """Ends; what stays behind says that the cell is lost."""
+        """Stops the server; retained values then say that the cell is lost."""
 
     def health(self) -> ServerHealth:
-        """Returns whether it works; called from any thread."""
+        """Returns whether the server works; may be called from any thread."""
 
 
 class ServerThread:
-    """Runs servers in the event loop of a thread of their own.
+    """Runs servers in the event loop of a separate thread.
 
     Args:
         servers: that run.
@@ -65,7 +65,7 @@ class ServerThread:
         self._thread = threading.Thread(target=self._run, name="plc servers", daemon=True)
 
     def start(self) -> None:
-        """Starts all servers and returns when they serve.
+        """Starts all servers; returns when all of them accept clients.
 
         Raises:
             SloshPlcError: one cannot: its port is taken, or a file does not fit.
@@ -77,18 +77,18 @@ class ServerThread:
             raise self._failure
 
     def stop(self) -> None:
-        """Stops all servers and waits for their end."""
+        """Stops all servers and waits until the thread has ended."""
         with contextlib.suppress(RuntimeError):  # the loop has ended already
             self._loop.call_soon_threadsafe(lambda: self._task and self._task.cancel())
         self._thread.join(TUNING.starting)
 
     def health(self) -> list[ServerHealth]:
-        """Returns the health of each server."""
+        """Returns the state of each server: whether it works, and a sentence."""
         return [server.health() for server in self._servers]
 
     @property
     def failure(self) -> str:
-        """Why the thread has ended by itself; empty: it works."""
+        """Error that ended the thread, as text; empty while the thread runs."""
         return f"the servers have ended: {self._failure!r}" if self._failure else ""
 
     def _run(self) -> None:
@@ -122,13 +122,13 @@ class ServerThread:
 
 
 def _tell_of_errors(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    """Handles exceptions of callbacks; those of sockets that have just closed say nothing."""
+    """Handles exceptions in callbacks; ignores those of sockets that have just closed."""
     if not isinstance(context.get("exception"), OSError):
         loop.default_exception_handler(context)
 
 
 def check_port(name: str, host: str, port: int) -> None:
-    """Checks that a server can listen on a port.
+    """Raises an error if the port is in use, so that no server could listen.
 
     Args:
         name: of the parameter that gives it.
@@ -149,10 +149,10 @@ def check_port(name: str, host: str, port: int) -> None:
 
 
 def quiet(library: str) -> None:
-    """Lets a library log nothing: strangers' bytes would fill a node's log with its tracebacks."""
+    """Silences a library's logger, whose tracebacks of invalid client data would fill the log."""
     logging.getLogger(library).setLevel(logging.CRITICAL + 1)
 
 
 def missing(module: str) -> SloshPlcError:
-    """Returns the error that an optional library is not installed."""
+    """Returns the error to raise if an optional library is not installed."""
     return SloshPlcError(f"{module} is not installed ({INSTALL})")

@@ -1,4 +1,4 @@
-"""Publishes a cell's state as an edge node of Sparkplug B, for SCADA programs behind MQTT.
+"""Publishes a cell's state as a Sparkplug B edge node, for SCADA programs that use MQTT.
 
 NBIRTH tells all values with name, unit and alias, NDATA those that have changed, by alias; the
 broker sends NDEATH, the last will, when this node has gone. All values of a lost cell are told as
@@ -37,7 +37,7 @@ NUMBERS: Final = 256
 
 
 class SparkplugNode(BrokerClient):
-    """Edge node of Sparkplug B; it connects again when its broker is lost.
+    """Sparkplug B edge node of a cell; it reconnects when the broker is lost.
 
     Args:
         settings: of the broker.
@@ -65,15 +65,15 @@ class SparkplugNode(BrokerClient):
 
     @property
     def where(self) -> str:
-        """Group and name of the edge node."""
+        """Group and name of the edge node, for log messages."""
         return f"edge node {self._group}/{self._node}"
 
     def topic(self, kind: str) -> str:
-        """Returns the topic of a kind of messages, such as NDATA."""
+        """Returns the MQTT topic of a Sparkplug message type, such as NDATA."""
         return f"{NAMESPACE}/{self._group}/{kind}/{self._node}"
 
     async def start(self, state: State) -> None:
-        """Begins to connect; an absent broker is no error.
+        """Starts to connect; an unreachable broker raises no error.
 
         Raises:
             SloshPlcError: aiomqtt or protobuf is not installed.
@@ -82,13 +82,13 @@ class SparkplugNode(BrokerClient):
         await super().start(state)
 
     def will(self) -> Message:
-        """Returns NDEATH, which is not retained; begins a new session."""
+        """Returns the NDEATH message (not retained) as last will; begins a new session."""
         self._session = (self._session + 1) % NUMBERS
         self._told = {}
         return Message(self.topic("NDEATH"), self._death(), False)
 
     async def session(self, client: Any) -> None:
-        """Publishes each new state, and everything anew when a program asks for it."""
+        """Publishes each new state; publishes NBIRTH again when a SCADA program requests it."""
         await client.subscribe(self.topic("NCMD"), qos=1)
         self._state = await self.newest()
         await self._bear(client)
@@ -102,7 +102,7 @@ class SparkplugNode(BrokerClient):
             commands.cancel()
 
     async def last_words(self, client: Any) -> None:
-        """Publishes that all is lost: the broker sends no last will after a good-bye."""
+        """Publishes NDEATH before a disconnect, after which the broker sends no last will."""
         self._state = lost_state()
         if self._told:
             await self._publish_changes(client)
@@ -117,7 +117,7 @@ class SparkplugNode(BrokerClient):
                 await self._bear(client)
 
     async def _bear(self, client: Any) -> None:
-        """Publishes NBIRTH: all values, with names and aliases."""
+        """Publishes NBIRTH: all values with their names and aliases."""
         now = _now()
         self._seq, self._told = 0, values_of(self._state)
         metrics = [number_metric(SESSION, self._session), flag_metric(REBIRTH, False)]
@@ -128,7 +128,7 @@ class SparkplugNode(BrokerClient):
         await client.publish(self.topic("NBIRTH"), payload(now, metrics, self._seq))
 
     async def _publish_changes(self, client: Any) -> None:
-        """Publishes NDATA: the values that are not as they were told last."""
+        """Publishes NDATA: the values that have changed since they were last published."""
         now, values = _now(), values_of(self._state)
         metrics = [
             signal_metric(signal, alias, values[signal.name], now, is_birth=False)
@@ -142,7 +142,7 @@ class SparkplugNode(BrokerClient):
 
 
 def values_of(state: CellState) -> dict[str, Value]:
-    """Returns the values of a state by name; those of a lost cell are STALE."""
+    """Returns a state's values by name; those of a lost cell have the quality STALE."""
     found = {}
     for name, (value, quality) in state.readings().items():
         known = QUALITIES[quality]

@@ -1,4 +1,4 @@
-"""Payloads of Sparkplug B, the protocol by which SCADA programs know devices behind MQTT.
+"""Encodes payloads of Sparkplug B, the MQTT protocol of SCADA programs (protobuf).
 
 The messages are described by their public field numbers (Eclipse Sparkplug 3.0, chapter 6); the
 library protobuf packs them. Only what a cell needs is described: what else a payload holds is
@@ -58,14 +58,14 @@ QUALITIES: Final = {Quality.GOOD: 192, Quality.UNCERTAIN: 0, Quality.BAD: 0}
 
 
 class Value(NamedTuple):
-    """A value as a metric has it; NaN: it is unknown."""
+    """Value and quality of a Sparkplug metric; NaN means unknown."""
 
     value: float
     quality: int
 
 
 def message(name: str) -> Any:
-    """Returns the class of a message of MESSAGES.
+    """Returns the protobuf class of a Sparkplug message by its name in MESSAGES.
 
     Raises:
         SloshPlcError: protobuf is not installed.
@@ -103,7 +103,7 @@ def _classes() -> Mapping[str, Any]:
 
 
 def payload(milliseconds: int, metrics: Sequence[Any], seq: int | None = None) -> bytes:
-    """Returns a packed payload.
+    """Returns the encoded Sparkplug payload of some metrics.
 
     Args:
         milliseconds: its time, since 1970.
@@ -117,19 +117,19 @@ def payload(milliseconds: int, metrics: Sequence[Any], seq: int | None = None) -
 
 
 def number_metric(name: str, value: int) -> Any:
-    """Returns a metric of a 64-bit count."""
+    """Returns a Sparkplug metric with an unsigned 64-bit integer."""
     return message("Metric")(name=name, datatype=DataType.UINT64, long_value=value)
 
 
 def flag_metric(name: str, value: bool) -> Any:
-    """Returns a metric of a truth value."""
+    """Returns a Sparkplug metric with a boolean."""
     return message("Metric")(name=name, datatype=DataType.BOOLEAN, boolean_value=value)
 
 
 def signal_metric(
     signal: Signal, alias: int, value: Value, milliseconds: int, *, is_birth: bool
 ) -> Any:
-    """Returns the metric of a cell's value.
+    """Returns the Sparkplug metric of one value of the cell state.
 
     Args:
         signal: what it is.
@@ -155,7 +155,7 @@ def signal_metric(
 
 
 def asks_for_birth(data: bytes, name: str) -> bool:
-    """Returns whether a command's payload sets a metric to true; broken bytes ask for nothing."""
+    """Returns whether a command sets the metric `name` to true; False if it cannot be decoded."""
     try:
         found = message("Payload").FromString(data)
     except Exception:  # of protobuf, which has had several names for it

@@ -9,7 +9,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class PlcTuning:
-    """Times of the servers; `silence` and two periods are less than the second of a lost cell."""
+    """Time constants of the servers; a lost cell is reported within a second."""
 
     silence: float = number(0.75, "s", "time without a message after which its values are bad")
     period: float = number(0.1, "s", "time between two updates of OPC UA and MQTT")

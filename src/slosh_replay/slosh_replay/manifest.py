@@ -51,20 +51,20 @@ _KEYS = (
 
 @dataclass(frozen=True, slots=True)
 class ExpectedNumber:
-    """An expected number with its tolerance."""
+    """An expected number of a replay, with its tolerance."""
 
     value: float
     tolerance: float
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Lowest and highest accepted value."""
+        """Lowest and highest accepted value of the number."""
         return self.value - self.tolerance, self.value + self.tolerance
 
 
 @dataclass(frozen=True, slots=True)
 class ExpectedEvent:
-    """An expected limit violation.
+    """A limit violation that the replay is expected to reproduce.
 
     Attributes:
         source: one of SOURCES.
@@ -225,7 +225,7 @@ class _Place:
         return _Place(self.document, (*self.keys, key))
 
     def error(self, problem: str, *below: Key) -> SloshBagError:
-        """Creates an error that names the line of a key."""
+        """Creates an error that names file, line and key of a manifest entry."""
         line = self.document.where(*self.keys, *below)
         return SloshBagError(f"{line}: {dotted(self.keys)}: {problem}")
 

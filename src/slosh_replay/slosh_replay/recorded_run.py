@@ -13,7 +13,7 @@ from slosh_replay.recording.sources import CellTopics, recorded_starts
 
 
 class RecordedRun:
-    """A finished recording of a robot cell.
+    """A finished recording of a robot cell, opened once, with cached contents.
 
     Args:
         path: the bag's folder or MCAP file.

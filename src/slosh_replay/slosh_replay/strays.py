@@ -63,7 +63,7 @@ class StrayFilter:
         return bool(len(stamps) and before is not None and stamps[-1] - before > self._gap)
 
     def rest(self) -> tuple[Integers, Columns]:
-        """Returns the message that still waits at the end."""
+        """Returns the last message if its stamp could not be judged before; else no message."""
         held, self._held = self._held, None
         return held if held is not None else (np.empty(0, dtype=np.int64), {})
 

@@ -30,7 +30,7 @@ def header(number: int, frame: str | None = None) -> bytes:
 
 
 def even_or_odd(number: int) -> str:
-    """Returns a topic name: '/odd' or '/even', by the number of the message."""
+    """Returns the topic for a message number: '/even' or '/odd'."""
     return "/odd" if number % 2 else "/even"
 
 

@@ -35,7 +35,7 @@ class Graph:
         self.node = self.add(Node(name, namespace=namespace))
 
     def add(self, node: N) -> N:
-        """Adds a node to the executor."""
+        """Adds a ROS node to the executor of the test."""
         self.nodes.append(node)
         self.executor.add_node(node)
         return node

@@ -47,7 +47,7 @@ class HearingRobot(Graph):
         return to_nanoseconds(self.estimates[-1].header.stamp) if self.estimates else 0
 
     def pace(self, number: int, stamp_ns: int) -> None:
-        """Waits from time to time until the estimates have reached a stamp [ns]."""
+        """Waits at every tenth sample until the estimates have nearly reached its stamp [ns]."""
         if number % 10 == 0 and self.estimates:
             self.until(lambda: self.newest_ns >= stamp_ns - BEHIND_NS, "the estimates to follow")
         else:

@@ -1,4 +1,4 @@
-"""Runs a command in its own process with a memory limit, and measures its use."""
+"""Runs a command in a process with a memory limit; measures memory peak and processor time."""
 
 from __future__ import annotations
 

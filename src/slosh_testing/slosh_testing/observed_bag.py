@@ -1,4 +1,4 @@
-"""Writes small bags of an estimator's cell: one push and a rest."""
+"""Writes small bags of a robot cell with an estimator: one push of the container, then rest."""
 
 import math
 from datetime import UTC, datetime
@@ -14,7 +14,7 @@ BEGIN_NS = int(datetime(2026, 1, 30, 12, tzinfo=UTC).timestamp()) * 10**9
 
 
 def observed(folder, others):
-    """Writes a bag of one push of 1 s and a rest, with further messages.
+    """Writes a bag with estimates of one push that lasts 1 s, then rest, and given messages.
 
     Args:
         folder: of the bag.

@@ -15,7 +15,7 @@ AGREE = 5e-4
 
 
 def cylinder_rate(cup):
-    """Returns functions for the state's derivative and the height in a cylinder (DL22)."""
+    """Returns functions for the state's time derivative and the wave height in a cylinder."""
     r, h, alpha, xi = cup.radius, cup.fill_height, 0.58, 1.8411837813406593
     depth = np.tanh(xi * h / r)
     omega = np.sqrt(GRAVITY * xi / r * depth)
@@ -41,7 +41,7 @@ def cylinder_rate(cup):
 
 
 def rectangle_rate(tank):
-    """Returns functions for the state's derivative and the height in a rectangle (TM20)."""
+    """Returns functions for the state's time derivative and the wave height in a box."""
     sides, h = np.array([tank.width, tank.depth]), tank.fill_height
     squared = np.pi * GRAVITY / sides * np.tanh(np.pi * h / sides)
     along, across = sides.max(), sides.min()

@@ -68,13 +68,13 @@ class Broker:
 
 
 def good_state(**values: Any) -> CellState:
-    """Returns a state in which all is good, with these values."""
+    """Returns a cell state with given values, all of good quality."""
     names = [signal.name for signal in SIGNALS]
     return CellState(False, **{n: Reading(values.get(n, 1), Quality.GOOD) for n in names})
 
 
 class ServedCell:
-    """Servers in their thread, and the state that they serve.
+    """Servers of a cell's state in their own thread, with the state that they serve.
 
     Attributes:
         state: the state; a test sets it.
@@ -85,7 +85,7 @@ class ServedCell:
 
     @contextmanager
     def serve(self, *servers: Server) -> Iterator[ServerThread]:
-        """Runs servers as long as the context lasts."""
+        """Runs the servers while a `with` block is executed."""
         thread = ServerThread(servers, lambda: self.state)
         thread.start()
         try:

@@ -105,7 +105,7 @@ def _in_space(plane: Array) -> Array:
 
 
 class HighestWaves(NamedTuple):
-    """Highest waves of the nonlinear model [m] during and after a motion, with all flags."""
+    """Maximum heights of the nonlinear model [m] during and after a motion, with all flags."""
 
     peak: float
     residual: float
@@ -121,7 +121,7 @@ def heights(estimates: Estimates, move: Move) -> HighestWaves:
 
 
 def truth(move: Move) -> HighestWaves:
-    """Returns the highest waves under the true acceleration."""
+    """Returns the maximum heights [m] that the true acceleration causes."""
     t = np.arange(0.0, move.end + AFTER, 5e-4)
     return heights(Estimator(MODEL).update_many(accelerations(t, move)), move)
 
@@ -179,7 +179,7 @@ def pose_reader(window: float = 0.0, max_gap: float = 0.2) -> PoseInput:
 
 
 def by_poses(move: Move, poses: Poses, window: float = 0.0) -> HighestWaves:
-    """Returns the highest waves that the estimator finds from poses."""
+    """Returns the maximum heights [m] that the estimator computes from poses."""
     reader = pose_reader(window)
     found = [
         sample

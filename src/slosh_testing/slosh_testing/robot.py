@@ -87,24 +87,24 @@ class RobotNode:
         hear(DiagnosticArray, topics.DIAGNOSTICS, self._take, qos.DIAGNOSTICS)
 
     def sees(self) -> None:
-        """Creates a publisher of free surfaces, in place of the camera node."""
+        """Creates a publisher of FreeSurface messages, in place of the camera node."""
         self._surfaces = self.node.create_publisher(
             FreeSurface, topics.FREE_SURFACE, qos.STREAM_OUT
         )
 
     def shows(self, picture: Image | CompressedImage) -> None:
-        """Creates a publisher of camera images."""
+        """Creates a publisher of camera images for the camera node under test."""
         self.picture, kind = picture, type(picture)
         topic = topics.IMAGE if kind is Image else topics.IMAGE_COMPRESSED
         self._pictures = self.node.create_publisher(kind, topic, qos.STREAM_OUT)
 
     def simulates(self, time_ns: Callable[[], int] | None) -> None:
-        """Publishes simulated time from now on, or stops it if None is given."""
+        """Starts publishing simulated time from a function [ns], or stops it for None."""
         self._clock = self._clock or self.node.create_publisher(Clock, "/clock", 10)
         self._tells_time, self.time_ns = time_ns is not None, time_ns or self.time_ns
 
     def sample(self, ahead: float = 0.0, ax: float | None = None) -> None:
-        """Publishes one sample of the input.
+        """Publishes one input sample of the robot's acceleration.
 
         Args:
             ahead: of the clock [s].
@@ -130,7 +130,7 @@ class RobotNode:
         self.inputs[self.kind].publish(message)
 
     def until(self, condition: Callable[[], object], what: str, *, speak: bool = True) -> None:
-        """Publishes data until a condition is met; fails after a timeout."""
+        """Publishes sensor data until a condition is met; fails after a timeout."""
         deadline = time.monotonic() + PATIENCE
         while not condition():
             assert time.monotonic() < deadline, f"waited in vain for {what}: {self.health}"
@@ -139,7 +139,7 @@ class RobotNode:
             self._executor.spin_once(timeout_sec=0.001)
 
     def for_seconds(self, seconds: float) -> None:
-        """Publishes data for a number of seconds."""
+        """Publishes sensor data for a number of seconds."""
         end = time.monotonic() + seconds
         self.until(lambda: time.monotonic() >= end, "the time")
 

@@ -43,7 +43,7 @@ def truth() -> Model:
 
 
 def write_runs(folder: Path) -> Path:
-    """Writes the pose and height files of all runs.
+    """Writes the pose file and the height file of each run.
 
     Args:
         folder: gets `heights/` and `poses/`.

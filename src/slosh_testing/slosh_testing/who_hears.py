@@ -36,7 +36,7 @@ def send_at_rest(node: Node) -> None:
 
 
 def main(role: str, seconds: float) -> None:
-    """Counts estimates for at most a number of seconds."""
+    """Counts the received estimates for at most a number of seconds."""
     rclpy.init()
     node = rclpy.create_node(role, namespace="/slosh")
     heard: list[SloshEstimate] = []

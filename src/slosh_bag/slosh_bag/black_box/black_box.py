@@ -34,7 +34,7 @@ SET_BACK_NS: Final = SECOND
 
 
 class Cause(StrEnum):
-    """The reason why an event bag is written."""
+    """The kind of event for which a bag is written."""
 
     LIMIT = "limit"
     DISAGREEMENT = "disagreement"
@@ -44,7 +44,7 @@ class Cause(StrEnum):
 
 
 class Happening(NamedTuple):
-    """An event for which messages are recorded.
+    """An event for which a bag is written: cause, time and description.
 
     Attributes:
         cause: its kind.
@@ -65,19 +65,19 @@ class Sink(Protocol):
     """Interface of a bag that is being written, as `slosh_bag.recorder.Recorder` implements it."""
 
     def add_topic(self, name: str, message_type: str, qos: Qos) -> None:
-        """Registers a topic before its first message."""
+        """Registers a topic before its first message is added."""
 
     def add(self, topic: str, data: bytes, log_ns: int, publish_ns: int | None = None) -> None:
-        """Adds a serialised message."""
+        """Adds a serialised message to the bag."""
 
     def note(self, name: str, value: str) -> None:
-        """Stores a key and value of bag metadata."""
+        """Stores a key and value in the bag's metadata."""
 
     def miss(self, counts: Mapping[str, int]) -> None:
         """Sets the number of messages that were sent but not received so far, by topic."""
 
     def close(self) -> None:
-        """Finishes the bag."""
+        """Finishes the bag's files."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +158,7 @@ class BlackBox:
 
     @property
     def span_ns(self) -> int:
-        """Time span of the messages in memory [ns]."""
+        """Time span of the messages that are held in memory [ns]."""
         begin_ns = self.ring.begin_ns
         return 0 if begin_ns is None else self._now_ns - begin_ns
 
@@ -170,7 +170,7 @@ class BlackBox:
         self._topics[name] = (message_type, qos)
 
     def add(self, topic: str, data: bytes, log_ns: int, publish_ns: int | None = None) -> None:
-        """Adds a message of a registered topic.
+        """Adds a message of a registered topic to the memory and to an open bag.
 
         Args:
             topic: the topic.

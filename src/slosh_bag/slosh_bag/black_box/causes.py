@@ -83,7 +83,7 @@ class CalmWatch:
         self._told = False
 
     def answer(self, calm: Calm, stamp_ns: int) -> list[Happening]:
-        """Processes a calm report with its stamp [ns]; returns reports found to be wrong."""
+        """Stores a report on calmness; returns events for calm reports found to be wrong."""
         if self._answers and stamp_ns < self._answers[-1].stamp_ns:
             self._answers.clear()  # another run of the estimator, or a clock that was set back
             self._heights.clear()

@@ -29,7 +29,7 @@ SHARE: Final = 4
 
 
 class KeptBag(NamedTuple):
-    """A finished event bag that has not been deleted.
+    """A finished event bag that still exists: folder, causes of its events, and size.
 
     Attributes:
         folder: where it is.
@@ -158,7 +158,7 @@ class EventRecorder:
         self.box.add_topic(name, message_type, qos)
 
     def add(self, topic: str, data: bytes, log_ns: int, publish_ns: int | None = None) -> None:
-        """Adds a message; see `BlackBox.add`."""
+        """Adds a serialised message of a registered topic."""
         self._heard[topic] += 1
         self.box.add(topic, data, log_ns, publish_ns)
 
@@ -167,7 +167,7 @@ class EventRecorder:
         self.box.happen(happening)
 
     def look(self, now_ns: int) -> None:
-        """Updates the time [ns], in the messages' clock, and registers finished bags."""
+        """Sets the time [ns] by the messages' clock, and registers bags that are finished."""
         self.box.look(now_ns)
         self._collect()
 
@@ -299,7 +299,7 @@ def _number(bag: Path) -> int:
 
 
 def _noted_causes(folder: Path) -> frozenset[str]:
-    """Reads the causes of a bag's events from metadata.yaml, without opening the bag."""
+    """Reads from metadata.yaml the causes of the events for which a bag was written."""
     try:
         facts = read_yaml(folder / NAME).value["rosbag2_bagfile_information"]["custom_data"]
         return _causes(str(facts[EVENTS]))

@@ -25,7 +25,7 @@ class Place(NamedTuple):
 
 
 class Held(NamedTuple):
-    """A message in memory, with its topic and times.
+    """A message held in memory, with its topic and times.
 
     Attributes:
         topic: its topic.

@@ -117,7 +117,7 @@ class Layout:
 
 
 def layout_of(typestore: Typestore, message_type: str, data: bytes) -> Layout:
-    """Computes the layout of a message.
+    """Computes the positions of all values in a message's CDR bytes.
 
     Args:
         typestore: a store that knows the type.

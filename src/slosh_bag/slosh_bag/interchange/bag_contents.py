@@ -79,7 +79,7 @@ def bag_contents(path: Path) -> BagContents:
 
 
 def _add_summary(contents: BagContents, file: Path) -> bool:
-    """Adds the topics and counts in a file's summary; returns False if it is unreliable."""
+    """Adds the topics and counts of a file's summary to a list; returns False if unreliable."""
     with file.open("rb") as stream:
         found = read_summary(stream, file.stat().st_size)
         if found is None or not found.trusted:

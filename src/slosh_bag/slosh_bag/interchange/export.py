@@ -182,7 +182,7 @@ def check_targets(paths: Any, *, overwrite: bool) -> None:
 
 
 class _Table:
-    """A topic's table that is being written."""
+    """The exported table of a topic while it is being written."""
 
     def __init__(self, reader: BagReader, path: Path, facts: dict[str, str]) -> None:
         self.rows = 0
@@ -199,7 +199,7 @@ class _Table:
         return self._sink.notes
 
     def add_block(self, block: MessageBlock) -> None:
-        """Adds the messages of a block to the table."""
+        """Adds a row to the table for each message of a block."""
         self._check(block.topic, block.message_type)
         # Slices: the rows of a chunk of small messages would take many times their bytes.
         for start in range(0, len(block), BATCH_ROWS):
@@ -208,7 +208,7 @@ class _Table:
         self.rows += len(block)
 
     def add(self, message: BagMessage) -> None:
-        """Adds one message to the table."""
+        """Adds a row to the table for one message."""
         self._check(message.topic, message.message_type)
         self._waiting.append(message)
         self._size += len(message.data)

@@ -82,7 +82,7 @@ class McapStorage:
         return self._reader.warnings
 
     def close(self) -> None:
-        """Clears the list of topics."""
+        """Clears the list of the file's topics."""
         self.connections.clear()
 
     def messages(

@@ -55,7 +55,7 @@ def _has_messages(content: bytes) -> bool:
 
 
 def check_message_index(content: bytes) -> None:
-    """Checks that a message index fills its record, so that no chunk is skipped behind it.
+    """Raises an error if a message index does not fill its record, whose rest may hide a chunk.
 
     Raises:
         DamageError: it does not fit.

@@ -24,7 +24,7 @@ class BagTypes:
         self._known: set[str] = set()
 
     def add(self, schema: Schema) -> None:
-        """Adds the definition of a message type from an MCAP schema."""
+        """Stores the definition of a message type, which an MCAP schema contains."""
         known = self._schemas.setdefault(schema.name, schema)
         if (known.data, known.encoding) != (schema.data, schema.encoding):
             self._ambiguous.add(schema.name)
@@ -43,7 +43,7 @@ class BagTypes:
 
     @property
     def learnt(self) -> Typestore:
-        """Type store with all types used so far."""
+        """Type store with the definitions of all message types used so far."""
         return self._typestore
 
     def typestore(self, message_type: str) -> Typestore:

@@ -53,7 +53,7 @@ class DamageError(SloshBagError):
 
 
 class TooLargeError(DamageError):
-    """Error of data that would need too much memory."""
+    """Error of MCAP data that would need too much memory to read."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -151,7 +151,7 @@ class Chunk:
 
     @property
     def buffer(self) -> Bytes:
-        """The uncompressed bytes as an array."""
+        """The chunk's uncompressed bytes as an array."""
         return np.frombuffer(self.raw, np.uint8)
 
     def take(self, rows: Any) -> Chunk:
@@ -177,7 +177,7 @@ class StrictStream(ReadDataStream):
         super().__init__(io.BytesIO(content))
 
     def read(self, length: int) -> bytes:
-        """Reads exactly `length` bytes.
+        """Reads exactly `length` bytes; raises an error if fewer are left.
 
         Raises:
             EndOfFile: there are fewer.
@@ -235,7 +235,7 @@ def chunk_header(start: bytes, record_length: int) -> ChunkHeader:
 
 
 def read_chunk(position: int, header: ChunkHeader, content: bytes) -> Chunk:
-    """Decompresses a chunk and finds its records.
+    """Decompresses an MCAP chunk and finds the records in it.
 
     Args:
         position: of its record in the file.

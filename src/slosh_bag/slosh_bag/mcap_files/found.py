@@ -33,7 +33,7 @@ class UnreadBytes:
 
 @dataclass(slots=True)
 class Found:
-    """Contents of an MCAP file that were found so far.
+    """Contents found so far in an MCAP file: types, topics, counts and times.
 
     Attributes:
         schemas, channels: by their ids.

@@ -308,7 +308,7 @@ def _open_for_group(path: str, flags: int) -> int:
 
 
 def _record(record: Any) -> bytes:
-    """Encodes a record object of the mcap library."""
+    """Encodes a record object of the mcap library as bytes."""
     builder = RecordBuilder()
     record.write(builder)
     return bytes(builder.end())

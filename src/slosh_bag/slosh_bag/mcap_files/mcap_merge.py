@@ -21,7 +21,7 @@ from slosh_bag.unpacking import MOST_UNPACKED
 
 
 class ChunkSpan(NamedTuple):
-    """Position and start time of a chunk in a file.
+    """Position, size and start time of a chunk in a file.
 
     Attributes:
         start_ns: least log time in it [ns].

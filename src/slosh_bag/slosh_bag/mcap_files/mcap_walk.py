@@ -263,7 +263,7 @@ class McapWalk:
         self._stream.jump(position)
 
     def _goes_on(self) -> bool:
-        """Moves to the next chunk, if there is one, after a record that wrongly ends the data."""
+        """Moves to the chunk that follows after a damaged record, which seemed to end the data."""
         after = self._next_chunk(self._stream.position)
         if after is not None:
             self._stream.jump(after)
@@ -286,7 +286,7 @@ class McapWalk:
                 raise DamageError(f"{there} messages of {topic}, but the summary counts {said}")
 
     def _damaged(self, position: int, error: DamageError) -> bool:
-        """Handles unreadable bytes; returns True if nothing after them can be read."""
+        """Handles unreadable bytes; returns whether the rest of the file is unreadable, too."""
         if self._lenient:
             return self._leave_out(position, error)
         if isinstance(error, TooLargeError):

@@ -1,4 +1,4 @@
-"""Paths of bags in storage that fsspec reaches, such as s3://bucket/bag; read by ranges."""
+"""Paths of bags in storage that fsspec reaches, such as s3://bucket/bag; read in parts."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class RemoteStatus(NamedTuple):
 
 
 def bag_path(path: str | Path) -> Path:
-    """Returns a bag's path, which may be a URL of fsspec."""
+    """Returns a bag's path: a local path, or a RemotePath for a URL of storage."""
     if isinstance(path, Path):
         return path
     return RemotePath(path) if is_url(path) else Path(path)
@@ -36,7 +36,7 @@ def is_url(text: str) -> bool:
 
 
 class RemotePath(type(Path())):  # type: ignore[misc]
-    """A path whose methods for reading ask a file system of fsspec.
+    """A path in storage that fsspec reaches, with the reading methods of `pathlib.Path`.
 
     Raises:
         OSError: of each method that asks: the storage does not answer, or refuses.
@@ -47,14 +47,14 @@ class RemotePath(type(Path())):  # type: ignore[misc]
         return f"{protocol}//{'/'.join(names)}"
 
     def open(self, mode: str = "rb", *_: Any, **__: Any) -> BinaryIO:
-        """Opens the file for reading; each read asks for a range of it."""
+        """Opens the file for reading; each read requests only the bytes that are needed."""
         with telling(self):
             files, key = self._files()
             stream = files.open(key, mode, block_size=BLOCK, cache_type="readahead")
         return cast("BinaryIO", _Stream(self, stream))
 
     def stat(self, **_: Any) -> RemoteStatus:
-        """Returns size and time of the file."""
+        """Returns size and time of the last change of the file."""
         with telling(self):
             files, key = self._files()
             found = files.info(key)
@@ -63,36 +63,36 @@ class RemotePath(type(Path())):  # type: ignore[misc]
         return RemoteStatus(int(found["size"] or 0), round(1e9 * seconds))
 
     def is_dir(self) -> bool:
-        """Returns whether something is below this name."""
+        """Returns whether the path is a folder: whether files exist below this path."""
         with telling(self):
             files, key = self._files()
             return bool(files.isdir(key))
 
     def is_file(self) -> bool:
-        """Returns whether it is the name of a file."""
+        """Returns whether the path is that of an existing file."""
         with telling(self):
             files, key = self._files()
             return bool(files.isfile(key))
 
     def exists(self, **_: Any) -> bool:
-        """Returns whether there is a file of this name, or something below it."""
+        """Returns whether the path is an existing file or folder."""
         with telling(self):
             files, key = self._files()
             return bool(files.exists(key))
 
     def glob(self, pattern: str, **_: Any) -> Iterator[RemotePath]:
-        """Yields the files below this name that match a pattern."""
+        """Yields the files below the path that match a pattern."""
         with telling(self):
             files, key = self._files()
             found = files.glob(f"{key}/{pattern}")
         return (RemotePath(files.unstrip_protocol(one)) for one in found)
 
     def iterdir(self) -> Iterator[RemotePath]:
-        """Yields what is directly below this name."""
+        """Yields the files and folders directly below the path."""
         return self.glob("*")
 
     def resolve(self, **_: Any) -> RemotePath:
-        """Returns the path itself: it is absolute and no link."""
+        """Returns the path itself, since remote paths are absolute and have no links."""
         return self
 
     absolute = resolve
@@ -135,7 +135,7 @@ class _Stream(io.RawIOBase):
 
 @contextmanager
 def telling(place: object) -> Iterator[None]:
-    """Turns what a library of a storage raises into an OSError of one line.
+    """Converts a storage library's exceptions in a `with` block to one-line OSErrors.
 
     Raises:
         OSError: with the place and the reason; FileNotFoundError stays one.

@@ -21,7 +21,7 @@ class Arrivals:
         self._held: list[Received] = []
 
     def sort(self, taken: list[Received], settled: int) -> list[Received]:
-        """Adds messages, and returns those whose order can no longer change, sorted.
+        """Adds messages; returns, sorted by arrival, those that no later message can precede.
 
         Args:
             taken: of all topics, since the last call.
@@ -34,7 +34,7 @@ class Arrivals:
         return waiting[: len(waiting) - len(self._held)]
 
     def rest(self) -> list[Received]:
-        """Returns the messages that are still held back."""
+        """Returns the messages that were held back, in order of arrival."""
         held, self._held = self._held, []
         return held
 

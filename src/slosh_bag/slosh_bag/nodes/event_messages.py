@@ -95,7 +95,7 @@ def event_facts(core: Recorder | EventRecorder) -> dict[str, Any]:
 
 
 class EventMessages:
-    """Detects events in a cell's messages.
+    """Detects events, such as limit violations, in a cell's messages.
 
     Args:
         node: the recorder; its remapping tells the names of the cell's topics.

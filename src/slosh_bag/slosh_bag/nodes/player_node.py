@@ -45,7 +45,7 @@ PARAMETERS = (
         "rate of /clock messages [Hz]; 0: one for all messages of a millisecond, 100 Hz in pauses",
         (0.0, CLOCK_RATES[1]),
     ),
-    ParameterSpec("into", "", "namespace for the cell's topics; empty: as recorded"),
+    ParameterSpec("into", "", "namespace of the published topics; empty: as recorded"),
     ParameterSpec("subscribers", 0, "number of subscribers to wait for before the start; 0: "
                                     "any", (0, 1000)),
     ParameterSpec("patience", 10.0, "longest wait for subscribers [s]; playback then starts "

@@ -70,7 +70,7 @@ class PlayerThread:
         self._thread: threading.Thread | None = None
 
     def start(self, subscribers: int, patience: float) -> None:
-        """Starts the publishing thread.
+        """Starts the thread that publishes the messages.
 
         Args:
             subscribers: how many there must be before the first message.
@@ -83,7 +83,7 @@ class PlayerThread:
         self._thread.start()
 
     def stop(self) -> None:
-        """Stops the publishing thread at once."""
+        """Stops the thread that publishes the messages, at once."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join()
@@ -228,7 +228,7 @@ class ReadAhead(Generic[Item]):
             self._put(end)
 
     def _put(self, batch: list[Item] | BaseException | None) -> bool:
-        """Adds a batch of items to the queue; returns False if reading has been stopped."""
+        """Adds a batch of items to the queue; returns False if reading is to stop."""
         while not self._stop.is_set():
             try:
                 self._queue.put(batch, timeout=_POLL)

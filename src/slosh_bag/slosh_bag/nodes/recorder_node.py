@@ -85,7 +85,7 @@ PARAMETERS = (
     ParameterSpec(
         "mode",
         COMPLETE,
-        "complete: one bag of everything; events: a bag in output for the time around each",
+        "complete: one bag of all messages; events: one bag for the time around each event",
         choices=(COMPLETE, EVENTS),
     ),
     ParameterSpec(
@@ -257,7 +257,7 @@ class RecorderNode(GuardedNode):
         self.get_logger().info(f"{happening.cause}: {happening.text} ({where})")
 
     def _keep(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Handles the service request to write an event bag now."""
+        """Handles the service request to write a bag of the time around now."""
         if not isinstance(self._core, EventRecorder):
             response.message = f"everything is recorded already: {self._core.path.parent}"
             return response

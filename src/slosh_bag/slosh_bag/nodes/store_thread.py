@@ -86,7 +86,7 @@ class StoreThread:
         self._thread.start()
 
     def close(self) -> None:
-        """Ends the thread."""
+        """Ends the thread that deletes old bags."""
         self._ending.set()
         if self._thread is not None:
             self._thread.join()

@@ -125,7 +125,7 @@ class TopicInput:
         return "has a publisher again" if back else ""
 
     def take(self, give: Callable[[Received], None]) -> None:
-        """Passes each received message to a function."""
+        """Calls a function with each message received since the last call."""
         with self.subscription.handle:
             take = self.subscription.handle.take_message
             for _ in range(DEPTH):  # not for ever where they come faster than they are taken
@@ -225,7 +225,7 @@ class SequenceGaps:
         self._last: list[int] = []  # of each publisher
 
     def take(self, number: int | None, publishers: int = 1) -> None:
-        """Processes the sequence number of a received message.
+        """Counts the messages that are missing before a received sequence number.
 
         Args:
             number: None: the middleware gives none.

@@ -77,7 +77,7 @@ class Step(NamedTuple):
 
 
 class Playback:
-    """Assigns publishing times to the messages of a bag.
+    """Assigns a publishing time to each message of a bag.
 
     /clock never goes back within a pass and is never earlier than a message that is out. It says
     the time of the last message among those that follow it within `LEAD`, so that a node spends
@@ -119,7 +119,7 @@ class Playback:
 
     @property
     def length(self) -> float:
-        """Duration of one loop in bag time [s]."""
+        """Duration of the played part of the bag, once through [s]."""
         return (self.last_ns - self.first_ns) / SECOND
 
     def steps(self, messages: Callable[[], Iterable[BagMessage]]) -> Iterator[Step]:

@@ -1,4 +1,4 @@
-"""Selects the bags of a cell to delete: those that are too old or that exceed a quota.
+"""Selects a cell's bags to delete: bags that are too old, or that exceed a size quota.
 
 Time is an argument: seconds since 1970, as the times of files.
 """

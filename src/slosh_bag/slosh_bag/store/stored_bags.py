@@ -75,7 +75,7 @@ def _folders(runs: Path) -> Iterator[Path]:
 
 
 def _bags(folder: Path, now: float) -> Iterator[StoredBag]:
-    """Yields the bag that a folder is, or the event bags that the folder contains."""
+    """Yields the folder itself if it is a bag, or else the event bags in the folder."""
     is_running = is_held(folder)
     own = _stored(folder, BagKind.COMPLETE, now, is_running)
     if own is not None:

@@ -74,7 +74,7 @@ def compiled(function: Function) -> Any:
 
 
 def compiled_apart(function: Function) -> Any:
-    """Decorator as `compiled`, for a large function with several callers: they share its code.
+    """Decorator like `compiled` for a large function, whose machine code its callers share.
 
     Raises:
         TypeError: as `compiled`.
@@ -170,7 +170,7 @@ class EntryPoint:
 
     @property
     def cached(self) -> bool:
-        """Whether the cache on disk contains the function."""
+        """Whether the cache on disk contains the function's machine code."""
         return self._file().path.exists()
 
     def load(self) -> Function:

@@ -59,7 +59,7 @@ class CodeFile(_Cache):
 
     @property
     def cache_path(self) -> str:
-        """Folder that contains the cached code."""
+        """Folder on disk that contains the cached machine code."""
         return str(self.path.parent)
 
     @contextlib.contextmanager

@@ -40,7 +40,7 @@ class RenamedKey(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class FileFormat:
-    """A file format and its versions.
+    """A file format such as model.yaml: name, versions and renamed keys.
 
     Attributes:
         name: usual name of such a file.
@@ -109,7 +109,7 @@ def parse_versioned(
 
 
 def without_version(text: str) -> str:
-    r"""Returns a written file's text without its version, to compare it with one of before.
+    r"""Returns a file's text without its version number, for comparison with an older file.
 
     >>> without_version("version: 1\nradius: 0.05\n")
     'radius: 0.05\n'

@@ -186,7 +186,7 @@ def naming(path: Path) -> Iterator[None]:
 
 
 def unfinished_name(suffix: str = "") -> str:
-    """Returns a unique temporary name."""
+    """Returns a unique temporary name for a file that is being written."""
     return f"{PREFIX}{secrets.token_hex(6)}{suffix}"
 
 

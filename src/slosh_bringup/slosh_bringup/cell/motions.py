@@ -65,7 +65,7 @@ class CellMotion:
 
     @property
     def duration(self) -> float:
-        """Time from the first to the last sample [s]."""
+        """Time from the motion's first to its last sample [s]."""
         return float(self.t[-1] - self.t[0])
 
     def specific_force(self) -> Array:
@@ -77,7 +77,7 @@ class CellMotion:
         return np.asarray(force, dtype=np.float64)
 
     def repeated(self, times: int) -> CellMotion:
-        """Returns the motion repeated several times."""
+        """Returns the motion repeated a number of times."""
 
         def tiled(array: Array | None) -> Array | None:
             return None if array is None else np.tile(array, (times, 1))

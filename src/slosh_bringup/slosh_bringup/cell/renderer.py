@@ -108,7 +108,7 @@ class CupRenderer:
         return self._exposed(self._paint(sh_x, sh_y)[0])
 
     def render_colour(self, sh_x: float, sh_y: float) -> ColourImage:
-        """Renders the scene of `render` in colour, with the same grey levels.
+        """Renders the same scene as `render`, in colour and with equal grey levels.
 
         Returns:
             (height, width, 3) uint8, blue, green, red.
@@ -274,7 +274,7 @@ class SurfaceLines:
         self._rise_x, self._rise_y = slope * self._x, slope * self._y
 
     def edges(self, sh_x: float, sh_y: float) -> SurfaceEdges:
-        """Returns image rows [px] of front line and top edge, for heights at +x and +y [m]."""
+        """Returns image rows [px] of the surface's front line and top edge, for wall heights."""
         cup, height = self._view.cup, float(np.hypot(sh_x, sh_y))
         if cup.taper and height > 0.0:  # as high on the upright wall as its crest is there
             share = float(cup.upright(height)) / height

@@ -109,7 +109,7 @@ class SensorReadings:
 
 
 def read_sensors(motion: CellMotion, noise: float, seed: int) -> SensorReadings:
-    """Simulates the sensors of a motion.
+    """Simulates the readings of all sensors during a motion.
 
     Args:
         motion: the container's motion.

@@ -5,33 +5,69 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
+
+from slosh_bag.mcap_files.remote_path import is_url
 
 WORTH_PROCESSES: Final = 100_000_000
 """Bags of this size together are worked on in several processes; to start these takes seconds."""
 
 
-def add_work_options(parser: argparse.ArgumentParser) -> None:
-    """Adds the options `--jobs` and `--scheduler`: where, and in how many processes, to work."""
-    parser.add_argument(
-        "--jobs", type=int, metavar="N",
-        help="number of processes (default: one per core; one for small bags)",
-    )  # fmt: skip
+JOBS: Final = "number of processes (default: one per core; one for small bags)"
+
+
+def add_work_options(parser: argparse.ArgumentParser, jobs: str = JOBS) -> None:
+    """Adds the options `--jobs` and `--scheduler`: where, and in how many processes, to work.
+
+    Args:
+        parser: of the command.
+        jobs: help of `--jobs`.
+    """
+    parser.add_argument("--jobs", type=int, metavar="N", help=jobs)
     parser.add_argument(
         "--scheduler", metavar="ADDRESS",
         help="address of a running Dask scheduler whose workers work on the bags",
     )  # fmt: skip
 
 
-def chosen_jobs(bags: Sequence[Path], arguments: argparse.Namespace) -> int | None:
-    """Returns the number of processes to use on this machine, or None for one per core."""
+class BagWork(NamedTuple):
+    """How to divide work on bags: arguments of `map_files`.
+
+    Attributes:
+        jobs: number of processes on this machine; None: one for each core, or a scheduler's.
+        scheduler: address of a Dask scheduler; None: processes on this machine.
+        sizes: of the bags [bytes]; 0: not asked for, as it is far away.
+    """
+
+    jobs: int | None
+    scheduler: str | None
+    sizes: list[float]
+
+
+def work_of(
+    bags: Sequence[Path], arguments: argparse.Namespace, worth: float = WORTH_PROCESSES
+) -> BagWork:
+    """Returns how to divide the work on bags.
+
+    Args:
+        bags: folders or files.
+        arguments: with the options that `add_work_options` adds.
+        worth: size of all bags from which several processes are worth their start [bytes].
+    """
     jobs: int | None = arguments.jobs
-    if jobs is None and arguments.scheduler is None and _size(bags) < WORTH_PROCESSES:
-        return 1
-    return jobs
+    open_choice = jobs is None and arguments.scheduler is None
+    sizes = [_size(bag) if open_choice or not is_url(str(bag)) else 0.0 for bag in bags]
+    if open_choice and sum(sizes) < worth:
+        jobs = 1
+    return BagWork(jobs, arguments.scheduler, sizes)
 
 
-def _size(bags: Sequence[Path]) -> int:
-    """Returns the total size of all readable bags [bytes]."""
-    files = [path for bag in bags for path in (bag, *bag.glob("*.mcap"))]
-    return sum(path.stat().st_size for path in files if path.is_file())
+def named_error(bag: Path, error: str) -> str:
+    """Returns why the work on a bag has failed; a killed process, say, could not name the bag."""
+    return error if str(bag) in error else f"{bag}: {error}"
+
+
+def _size(bag: Path) -> float:
+    """Returns the size of a bag's readable files [bytes]."""
+    files = (bag, *bag.glob("*.mcap"))
+    return float(sum(path.stat().st_size for path in files if path.is_file()))

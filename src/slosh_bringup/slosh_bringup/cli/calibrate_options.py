@@ -75,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             type=kind,
             default=0.0,
             metavar=unit,
-            help=f"standard error of {what}; if above 0, this quantity is estimated too "
+            help=f"standard error of {what}; if above 0, the calibration also estimates it "
             "(default 0)",
         )
     parser.add_argument(

@@ -52,7 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--push", type=float, metavar="T",
-        help="simulate a push by hand after T seconds, which no sensor of the robot measures",
+        help="time [s] at which a push of the container by hand is simulated, which no robot "
+        "sensor measures (default: no push)",
     )  # fmt: skip
     parser.add_argument(
         "--camera-stop", type=float, nargs=2, metavar=("FROM", "TO"),

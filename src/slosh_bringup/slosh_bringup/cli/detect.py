@@ -82,7 +82,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "rate for a video)",
     )  # fmt: skip
     parser.add_argument(
-        "--topic", metavar="TOPIC", help="image topic to measure, for a bag with several"
+        "--topic",
+        metavar="TOPIC",
+        help="image topic to measure (needed if the bag has several image topics)",
     )
     parser.add_argument(
         "--jobs", type=int, metavar="N", help="number of processes (default: one per core)"

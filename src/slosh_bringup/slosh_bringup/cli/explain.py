@@ -81,7 +81,7 @@ def _all() -> str:
 
 
 def _told(name: str) -> list[str]:
-    """Returns all meanings of a term, one text each."""
+    """Returns all meanings of a term, one text for each."""
     found = list(_meanings(name)) or list(_figure_of_model(name))
     if found:
         return found

@@ -37,7 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--list", action="store_true", help="list topics, types and numbers of messages"
     )
     what.add_argument(
-        "--motion", action="store_true", help="export the container's motion as a table t,ax,ay,…"
+        "--motion",
+        action="store_true",
+        help="export the container's motion and the measured heights as a motion table",
     )
     topics = what.add_argument(
         "--topic", dest="topics", nargs="+", action="extend", default=[],
@@ -62,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     motion.add_argument(
         "--absolute",
         action="store_true",
-        help="write time stamps in the column t (default: the time since the start)",
+        help="write seconds since 1970 in the column t (default: the time since the start)",
     )
 
 

@@ -63,8 +63,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--tolerance", type=length(0.1), default=0.0005, metavar="M",
-        help="mean distance of the liquid surface from a straight line [m] up to which it counts "
-        "as straight; sets the accelerations up to which the model is valid (default: 0.0005)",
+        help="largest mean deviation of the liquid surface from a straight line [m] at which it "
+        "counts as straight; the fastest motion that keeps to it sets the acceleration and jerk "
+        "up to which the model is valid (default: 0.0005)",
     )  # fmt: skip
     parser.add_argument(
         "--beside", type=Path, nargs="+", action="extend", metavar="DIR", default=[],

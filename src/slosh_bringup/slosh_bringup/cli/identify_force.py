@@ -29,8 +29,8 @@ def add_arguments(parser: Any) -> None:
     )  # fmt: skip
     group.add_argument(
         "--wrench", metavar="TOPIC", default="",
-        help="topic of the force, for a bag with several (WrenchStamped or Wrench; also Twist, as "
-        "some drivers publish forces as its linear part)",
+        help="topic of the measured force (needed if the bag has several): WrenchStamped, Wrench, "
+        "or Twist if the driver publishes the force as the linear part of a Twist",
     )  # fmt: skip
     add_input_options(group)
 

@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Runs the import of the chosen kind of data."""
+    """Runs `slosh import` for the kind of data that the user has chosen."""
     read: Callable[[argparse.Namespace], int] = arguments.read
     return read(arguments)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from slosh_bag.mcap_files.remote_path import bag_path, is_url
 from slosh_base.files.plain_text import plain_line
-from slosh_bringup.cli.bag_work import add_work_options, chosen_jobs
+from slosh_bringup.cli.bag_work import add_work_options, named_error, work_of
 from slosh_replay.fleet import PLACE
 from slosh_replay.fleet.ingest import Ingested, ingest
 from slosh_replay.fleet.store import FleetStore
@@ -51,14 +51,15 @@ def run(arguments: argparse.Namespace) -> int:
     bags, failed = _bags(arguments.bags)
     work = map_files(
         partial(ingest_task, _absolute(arguments.store)), [bag.absolute() for bag in bags],
-        jobs=chosen_jobs(bags, arguments), scheduler=arguments.scheduler,
+        **work_of(bags, arguments)._asdict(),
     )  # fmt: skip
     total = done = 0
     with item_progress("ingest", len(bags), "bags") as progress, closing(work):
         for outcome in work:
             progress.add()
             if outcome.value is None:
-                print(plain_line(f"slosh ingest: {outcome.error}"), file=sys.stderr)
+                told = named_error(outcome.item, outcome.error)
+                print(plain_line(f"slosh ingest: {told}"), file=sys.stderr)
                 continue
             done, total = done + 1, total + outcome.value.motions
             print(plain_line(f"{bags[outcome.index]}: {_told(outcome.value)}"))

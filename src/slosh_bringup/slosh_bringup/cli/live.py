@@ -65,7 +65,7 @@ class LiveScreen:
         self.show(self._elapsed, STOPPING)
 
     def tell(self, line: str) -> None:
-        """Prints a line that stays on the screen."""
+        """Prints a line that stays on the screen above the status line."""
         self._try(lambda: say(plain_line(line)))
 
     def _try(self, write: Callable[[], object]) -> None:
@@ -140,7 +140,7 @@ def _check_port(port: int | None) -> None:
 
 
 def _leave(run: LiveRun) -> NoReturn:
-    """Ends the process at once, without a report."""
+    """Ends the process at once, without writing a report."""
     line = (
         f"slosh {run.command}: report skipped; the recording is complete; to write the report: "
         f"slosh replay {run.folder / BAG} -o {run.folder}\n"

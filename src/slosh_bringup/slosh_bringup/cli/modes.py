@@ -36,11 +36,11 @@ columns:
   damping    damping ratio
   mass       sloshing mass [kg], and its share of the liquid's mass
   height     wave height at the wall per displacement of the sloshing mass [1]
-  static     share of the mode in the static height under constant acceleration
+  static     share of the mode in the static height at the wall under constant acceleration
   pendulum   length of a pendulum of the same frequency [mm]
   position   height of the sloshing mass above the still surface [mm]
   force      lateral force on the container per displacement of the sloshing mass [N/m]
-  crest      maximum wave height divided by that at the wall; above 1: crest away from the wall"""
+  crest      maximum wave height divided by that at the wall; above 1 if the crest is elsewhere"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

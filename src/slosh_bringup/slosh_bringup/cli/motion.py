@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=length(10.0),
         required=True,
         metavar="S",
-        help="distance that the container moves in each cycle [m]",
+        help="distance that the container moves, in one direction, in each cycle [m]",
     )
     parser.add_argument(
         "--ratio", type=float, default=0.4, metavar="B",

@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model", type=Path, help="model of the liquid (model.yaml)")
     parser.add_argument(
         "--stroke", type=quantities.length(10.0), required=True, metavar="S",
-        help="distance that the container moves in each cycle [m]",
+        help="distance that the container moves, in one direction, in each cycle [m]",
     )  # fmt: skip
     parser.add_argument(
         "--speeds", type=speeds, required=True, metavar="FROM:TO[:STEP]",

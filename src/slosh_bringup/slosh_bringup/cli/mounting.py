@@ -58,7 +58,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "container's axes [m] (default: as recorded, or from /tf_static)",
     )  # fmt: skip
     parser.add_argument(
-        "--namespace", metavar="NAMESPACE", help="cell's namespace, for a bag of several cells"
+        "--namespace",
+        metavar="NAMESPACE",
+        help="namespace of the cell, if the bag contains several cells",
     )
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 

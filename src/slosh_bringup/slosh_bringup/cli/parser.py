@@ -39,7 +39,7 @@ class SloshParser(argparse.ArgumentParser):
         return found, extras
 
     def _late(self, found: argparse.Namespace, extras: list[str]) -> list[str]:
-        """Assigns a word that follows options to an optional positional argument."""
+        """Assigns a word that follows the options to an optional positional argument."""
         for action in self._get_positional_actions():
             missing = action.nargs == argparse.OPTIONAL and getattr(found, action.dest) is None
             if missing and extras and not extras[0].startswith("-"):

@@ -85,8 +85,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--max-tilt", type=angle(), default=0.0, metavar="DEG",
-        help="largest allowed tilt of the container from upright [deg] (default: 0, constant "
-        "attitude)",
+        help="largest allowed tilt of the container from upright [deg] (default: 0, the "
+        "container stays upright)",
     )  # fmt: skip
     parser.add_argument(
         "--max-tilt-rate", type=float, default=math.degrees(TILT_RATE), metavar="R",

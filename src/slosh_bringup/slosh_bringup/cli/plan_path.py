@@ -25,7 +25,7 @@ from slosh_plan.tables.path_table import read_path_table
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AskedPath:
-    """The path to be planned, from the command line.
+    """The path to be planned, as given on the command line.
 
     Attributes:
         name: where it comes from.
@@ -70,8 +70,8 @@ def add_path_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--group", metavar="NAME",
-        help="group of the SRDF whose joints are planned; other joints that carry the container "
-        "keep their position in PATH, or 0 without a column there",
+        help="joint group of the SRDF that is planned; other joints that carry the container stay "
+        "at their values in the table PATH, or at 0 if the table has no column for them",
     )  # fmt: skip
     parser.add_argument(
         "--velocity-scaling", type=quantities.FRACTION, default=1.0, metavar="S",

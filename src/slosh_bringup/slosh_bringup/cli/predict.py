@@ -107,7 +107,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     old_name(parser, mae, "--sigma")
     parser.add_argument(
         "--epsilon", type=FRACTION, default=0.0, metavar="E",
-        help="relative error of the model's maximum height, as a fraction (default 0)",
+        help="relative error of the model's maximum height, as reported by slosh replay; "
+        "widens the 95 %% interval of the heights (default 0)",
     )  # fmt: skip
     parser.add_argument(
         "--urdf", type=Path, metavar="FILE",
@@ -212,7 +213,7 @@ def write_shown(
     found: Sequence[Prediction],
     scales: Sequence[SafeScales | None],
 ) -> None:
-    """Writes the requested picture and HTML page of the predicted motions."""
+    """Writes the picture and the HTML page of the predicted motions, as far as requested."""
     if arguments.plot is None and arguments.page is None:
         return
     # They load matplotlib, which is slow.

@@ -35,7 +35,7 @@ Tell = Callable[[float, str], None]
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """Unit in which the amount of work is shown.
+    """Unit in which the progress of an operation is shown.
 
     Attributes:
         name: e.g. 's'; empty: only the share is told.
@@ -99,11 +99,11 @@ class Progress:
             self._view.end(failed=kind is not None)
 
     def add(self, amount: float = 1.0) -> None:
-        """Adds to the amount of work that is done."""
+        """Adds to the amount of work done, and updates the display."""
         self.reach(self.done + amount)
 
     def reach(self, done: float, text: str = "") -> None:
-        """Sets the amount of work done and describes the current activity."""
+        """Sets the amount of work done so far and describes the current activity."""
         changed, self.done, self.text = text != self.text, done, text
         if self._view is not None:
             self._view.show(at_once=changed)
@@ -145,7 +145,7 @@ def say(line: str) -> None:
 
 
 class _Bar(tqdm):
-    """Draws a progress bar in one line, using tqdm."""
+    """Progress display that draws a bar in one line, using tqdm."""
 
     def __init__(self, progress: Progress, delay: float) -> None:
         self._progress = progress

@@ -21,15 +21,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `slosh query` to the argument parser."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
-    parser.add_argument("sql", nargs="?", metavar="SQL", help="SELECT statement of DuckDB")
+    parser.add_argument(
+        "sql", nargs="?", metavar="SQL", help="SELECT statement on the table motions"
+    )
     add_store(parser)
     parser.add_argument(
         "--page", type=Path, metavar="FILE.html",
         help="HTML page to write about all months: frequency, damping and level, events by shift, "
         "worst motions",
     )  # fmt: skip
-    parser.add_argument("--list", action="store_true", help="print the columns of the table")
-    parser.add_argument("--json", action="store_true", help="print rows or columns as JSON")
+    parser.add_argument("--list", action="store_true", help="list the columns of the table")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -16,11 +16,12 @@ from slosh_bag.mcap_files.bag_folder import files_of
 from slosh_bag.reader import bag_files
 from slosh_base.files import check_apart, check_outside
 from slosh_base.files.plain_text import plain_line
-from slosh_bringup.cli.bag_work import add_work_options, chosen_jobs
+from slosh_bringup.cli.bag_work import add_work_options, named_error, work_of
 from slosh_bringup.cli.input_options import add_input_options, wanted_input
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.progress import item_progress
 from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.finished_work import FinishedWork
 from slosh_bringup.many_files import ItemOutcome, map_files
 from slosh_bringup.replay.index import check_index, write_index
 from slosh_bringup.replay.junit import Case, Suite, write_junit
@@ -54,12 +55,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     cell = parser.add_argument(
         "--namespace", dest="cell", metavar="NAMESPACE",
-        help="namespace of the cell to replay, for a bag of several cells, e.g. /slosh",
+        help="namespace of the cell to replay, if the bag contains several cells, e.g. /slosh",
     )  # fmt: skip
     old_name(parser, cell, "--cell")
     parser.add_argument(
         "--estimator", type=int, default=1, metavar="N",
-        help="number of the estimator to replay, for a bag of several (default 1: the first)",
+        help="number of the estimator to replay, if several were recorded (default 1: the first)",
     )  # fmt: skip
     add_input_options(parser)
     parser.add_argument(
@@ -102,6 +103,8 @@ def run(arguments: argparse.Namespace) -> int:
     tell(outcomes)
     if arguments.output and any(outcome.value is not None for outcome in outcomes):
         write_index(arguments.output, outcomes)
+        if all(outcome.value is not None for outcome in outcomes):
+            FinishedWork(arguments.output).forget()  # it was not interrupted: the next one is new
     if arguments.json:
         print(json.dumps([_document(outcome) for outcome in outcomes], indent=2))
     else:
@@ -161,8 +164,8 @@ def replay_all(
 ) -> list[ItemOutcome[Task, Replayed]]:
     """Runs the replay tasks and returns their outcomes in the same order."""
     outcomes: list[ItemOutcome[Task, Replayed]] = []
-    jobs = chosen_jobs([task.bag for task in tasks], arguments)
-    work = map_files(replay_task, tasks, jobs=jobs, scheduler=arguments.scheduler)
+    division = work_of([task.bag for task in tasks], arguments)
+    work = map_files(replay_task, tasks, **division._asdict())
     try:
         with item_progress("replay", len(tasks), "bags") as progress, closing(work):
             for outcome in work:
@@ -177,10 +180,15 @@ def replay_all(
 
 def tell(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
     """Prints errors, warnings and failed checks of the replays, one line each."""
+    before = sum(outcome.value is not None and outcome.value.before for outcome in outcomes)
+    if before:
+        said = f"{before} of {len(outcomes)} bags were replayed by the interrupted run"
+        print(f"slosh replay: {said}", file=sys.stderr)
     for outcome in outcomes:
         item, expected = outcome.value, outcome.item.expected
         if item is None:
-            print(plain_line(f"slosh replay: {outcome.error}"), file=sys.stderr)
+            told = named_error(outcome.item.bag, outcome.error)
+            print(plain_line(f"slosh replay: {told}"), file=sys.stderr)
             continue
         for warning in item.warnings:
             if expected is None or not any(text in warning for text in expected.warnings):
@@ -296,7 +304,7 @@ def _mm(metres: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class StatedBag:
-    """A bag to replay and its entry in a manifest.
+    """A bag to replay, with its expected results from a manifest.
 
     Attributes:
         path: folder or file.

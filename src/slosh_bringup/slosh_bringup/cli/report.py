@@ -69,7 +69,7 @@ def _add_content(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--namespace", dest="cell", metavar="NAMESPACE",
-        help="namespace of the cell, for a bag of several cells, e.g. /slosh",
+        help="namespace of the cell, if the bag contains several cells, e.g. /slosh",
     )  # fmt: skip
     parser.add_argument("--title", help="heading of the report")
     parser.add_argument(
@@ -92,26 +92,27 @@ def _add_content(parser: argparse.ArgumentParser) -> None:
 def _add_acceptance(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--limit", type=HEIGHT, metavar="M",
-        help="greatest accepted measured height (default: the monitor's limit while recording)",
+        help="greatest accepted measured height [m] (default: the monitor's limit when recorded)",
     )  # fmt: skip
     parser.add_argument(
         "--max-mae", type=ERROR, metavar="M",
-        help="greatest accepted mean absolute error of the nonlinear model (default: not judged)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--max-epsilon", type=FRACTION, metavar="SHARE",
-        help="greatest accepted relative error of the highest height, e.g. 5%% (default: not "
-        "judged)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--max-spread", type=HEIGHT, metavar="M",
-        help="greatest accepted difference of a motion's peak heights in the bags [m] (default: "
+        help="greatest accepted mean absolute error [m] of the nonlinear model (default: "
         "not judged)",
     )  # fmt: skip
     parser.add_argument(
+        "--max-epsilon", type=FRACTION, metavar="SHARE",
+        help="greatest accepted relative error of the nonlinear model's maximum height, e.g. 5%% "
+        "(default: not judged)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--max-spread", type=HEIGHT, metavar="M",
+        help="greatest accepted difference between the highest and the lowest peak height [m] of "
+        "the same motion in the bags (default: not judged)",
+    )  # fmt: skip
+    parser.add_argument(
         "--uncertainty", type=ERROR, default=0.0, metavar="M",
-        help="standard uncertainty of the measured heights in addition to the one that the camera "
-        "states, e.g. of its calibration (default 0)",
+        help="additional standard uncertainty of the measured heights [m], e.g. of the camera's "
+        "calibration, besides the one that the camera states (default 0)",
     )  # fmt: skip
 
 

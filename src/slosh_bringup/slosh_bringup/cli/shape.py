@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--filter",
         choices=[*FILTERS, POLYNOMIAL],
         required=True,
-        help="filter to apply; see below",
+        help="input shaper to apply; the text below explains each",
     )
     parser.add_argument(
         "--per-axis",

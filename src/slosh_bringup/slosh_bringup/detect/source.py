@@ -31,7 +31,7 @@ _BEFORE, _AFTER = 100_000_000, 2_000_000_000
 
 @dataclass(slots=True)
 class FrameSource:
-    """An ordered source of images to measure.
+    """An ordered source of images to measure: a folder, a video or a bag.
 
     Attributes:
         name: what people call the source.

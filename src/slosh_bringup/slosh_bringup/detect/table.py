@@ -45,7 +45,7 @@ def flag_names(flags: Flag) -> list[str]:
 
 @dataclass(slots=True)
 class DetectionSummary:
-    """Running summary of all measured images."""
+    """Counts and heights of all images measured so far."""
 
     frames: int = 0
     problems: int = 0

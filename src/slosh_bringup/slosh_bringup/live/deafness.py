@@ -29,7 +29,7 @@ class Probe(Protocol):
         """Number of messages received so far."""
 
     def close(self) -> None:
-        """Removes the temporary subscription."""
+        """Removes the temporary subscription to the topic."""
 
 
 @dataclass(slots=True)
@@ -68,7 +68,7 @@ class Deafness:
         self._found: dict[str, float] = {}
 
     def look(self, unheard: Mapping[str, str], now: float) -> dict[str, str]:
-        """Returns, by node, the topic that it fails to receive while other subscribers do.
+        """Returns each node that fails to receive a topic, while other subscribers receive it.
 
         Args:
             unheard: topic and type that nodes say they hear nothing on, by node.

@@ -84,7 +84,7 @@ class LiveRun:
 
 @dataclass(frozen=True, slots=True)
 class RunOutcome:
-    """Errors and exit code of a live run.
+    """How a live run ended: its problem, if any, and the exit code.
 
     Attributes:
         problem: what went wrong, or ended the run before its time; empty: nothing did.

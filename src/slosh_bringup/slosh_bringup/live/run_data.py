@@ -47,7 +47,7 @@ class RecordedEvent:
 
 @dataclass(frozen=True, slots=True)
 class RunData:
-    """The recorded data of one run.
+    """Heights, events, latencies and losses that one run recorded.
 
     Attributes:
         run: the recording.
@@ -129,7 +129,7 @@ class _Gathered:
 
 
 def read_run(run: RecordedRun) -> RunData:
-    """Reads the data of a recorded run from its bag.
+    """Reads heights, events, latencies and losses of a run from its bag.
 
     Raises:
         SloshBagError: there is no readable bag.

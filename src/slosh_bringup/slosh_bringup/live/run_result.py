@@ -39,7 +39,7 @@ class SeriesAgreement:
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """All metrics of a recorded run.
+    """All metrics of a recorded run: accuracy, latencies and losses.
 
     Attributes:
         agreements: models against camera and, in the simulated cell, all against the truth.

@@ -27,7 +27,7 @@ RATES = {"camera": "measurement [Hz]", "estimator": "output [Hz]"}
 
 
 class Screen(Protocol):
-    """Interface of a live run's display."""
+    """Interface of the display of a live run, such as a terminal."""
 
     def show(self, elapsed: float, text: str, status: str = "") -> None:
         """Shows the elapsed time [s] and the cell's state; called ten times a second.
@@ -37,7 +37,7 @@ class Screen(Protocol):
         """
 
     def tell(self, line: str) -> None:
-        """Shows a permanent line of text."""
+        """Shows a line of text permanently."""
 
 
 class LiveWatch:
@@ -103,7 +103,7 @@ class LiveWatch:
         self._begin()
 
     def take_report(self, report: NodeReport) -> None:
-        """Processes the diagnostics of one node."""
+        """Stores and evaluates the diagnostics of one node."""
         now = time.monotonic()
         self._status.take_report(report)
         if self._health is not None:
@@ -122,7 +122,7 @@ class LiveWatch:
         )  # fmt: skip
 
     def look(self) -> None:
-        """Updates everything that depends on the time; call it several times a second."""
+        """Updates status line and timeouts; call this several times a second."""
         now = time.monotonic()
         if self._health is None:
             self._screen.show(0.0, self._waits_for_in_short(now), self.waits_for)

@@ -31,10 +31,10 @@ class Hearer(Protocol):
     """Interface of an object that processes a cell's messages."""
 
     def take_settings(self, start: NodeStart) -> None:
-        """Processes a node's settings."""
+        """Processes the settings that a node has published."""
 
     def take_report(self, report: NodeReport) -> None:
-        """Processes a node's diagnostics."""
+        """Processes the diagnostics that a node has published."""
 
     def take_comparison(self, comparison: SloshComparison) -> None:
         """Processes a SloshComparison message (measured and estimated height)."""
@@ -60,7 +60,7 @@ class TopicProbe:
         )
 
     def close(self) -> None:
-        """Removes the subscription."""
+        """Removes the temporary subscription."""
         self._node.destroy_subscription(self._subscription)
 
     def _take(self, message: bytes) -> None:
@@ -104,7 +104,7 @@ class CellListener:
         rclpy.try_shutdown()
 
     def listen(self, seconds: float) -> None:
-        """Processes received messages for a given time [s]."""
+        """Receives and processes messages for a given time [s]."""
         deadline = time.monotonic() + seconds
         while (left := deadline - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)

@@ -58,7 +58,7 @@ PARAMETERS = (
     ParameterSpec("rate", 1000.0, "rate of the topic accel [Hz]", (10.0, 1000.0)),
     ParameterSpec("imu_every", 5, "number of accel samples per imu sample; 0: no imu", (0, 1000)),
     ParameterSpec("fps", 60.0, "rate of the images [Hz]", (1.0, 240.0)),
-    ParameterSpec("camera", True, "draw and publish images"),
+    ParameterSpec("camera", True, "render and publish images"),
     ParameterSpec("raw", True, "publish camera/image_raw"),
     ParameterSpec("compressed", True, "publish camera/image_raw/compressed"),
     ParameterSpec(
@@ -76,7 +76,7 @@ PARAMETERS = (
     ParameterSpec(
         "push_at",
         -1.0,
-        "time of a push by hand, which no sensor of the robot measures [s]; negative: never",
+        "time of a simulated push by hand that no robot sensor measures [s]; negative: no push",
         (-1.0, 1e6),
     ),
     ParameterSpec("push", 0.1, "speed that the push gives the liquid along x [m/s]", (-1.0, 1.0)),
@@ -117,7 +117,7 @@ PARAMETERS = (
     ParameterSpec(
         "patience",
         PATIENCE,
-        "time without news from awaited nodes after which the node ends [s]",
+        "time without messages from awaited nodes after which this node ends [s]",
         (0.0, 3600.0),
     ),
 )

@@ -34,7 +34,7 @@ from slosh_msgs_py.stamps import to_duration
 from slosh_replay.recording.settings import model_of, node_start
 
 PARAMETERS = (
-    ParameterSpec("rate", 20.0, "how often the markers are published [Hz]", (0.5, 60.0)),
+    ParameterSpec("rate", 20.0, "rate at which the markers are published [Hz]", (0.5, 60.0)),
 )
 NAMESPACE = "surface"
 SURFACE, CREST, LIMIT = range(3)

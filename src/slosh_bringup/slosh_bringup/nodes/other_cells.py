@@ -49,7 +49,7 @@ class OtherCells:
         self._looked = -LOOK_EVERY
 
     def look(self, now: float) -> None:
-        """Processes the received messages, and searches for new cells from time to time."""
+        """Processes the received messages; searches for new cells at intervals."""
         if now - self._looked >= LOOK_EVERY:
             self._looked = now
             self._find()

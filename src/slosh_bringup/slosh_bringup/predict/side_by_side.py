@@ -34,7 +34,7 @@ HEADROOM = 1.15
 
 
 class Palette(NamedTuple):
-    """Colours of the lines in one diagram."""
+    """Colours of the lines in a diagram."""
 
     nonlinear: str
     linear: str
@@ -48,7 +48,7 @@ PICTURE_COLOURS = Palette("tab:blue", "tab:orange", "tab:red", "dimgray")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictedProfile:
-    """A motion and its predicted heights over time.
+    """Predicted heights and acceleration of one motion over time.
 
     Attributes:
         t: (N,) with the time after the motion's end [s].
@@ -70,7 +70,7 @@ class PredictedProfile:
         return float(np.max(heights, where=np.isfinite(heights), initial=0.0))
 
     def words(self) -> list[str]:
-        """Describes the prediction in sentences."""
+        """Describes peak height and limit of the prediction in sentences."""
         one = self.answer
         found = one.nonlinear
         return [

@@ -25,7 +25,7 @@ FIELDS = ("measured", "estimated_linear", "estimated_nonlinear", "measured_stale
 
 
 def further_containers(run: RecordedRun, result: ReplayResult) -> tuple[RunReport, ...]:
-    """Returns the recorded heights in each container behind a tray's first that has a camera.
+    """Returns the heights in each container of a tray, except the first, that has a camera.
 
     Args:
         run: the recording.
@@ -53,7 +53,7 @@ def further_containers(run: RecordedRun, result: ReplayResult) -> tuple[RunRepor
 
 
 def _columns(run: RecordedRun, topic: str) -> Mapping[str, NDArray[np.float64]] | None:
-    """Reads the comparisons of images; None if there are none."""
+    """Reads a container's SloshComparison messages as columns; None if none were recorded."""
     parts = [
         (stamps_of(columns), columns)
         for block in run.reader.look_up([topic])
@@ -87,7 +87,7 @@ def _report(
 
 
 def _limit(tray: Tray, index: int, settings: MonitorSettings | None) -> float:
-    """Returns the limit of a container's measured height [m]; NaN: none."""
+    """Returns the limit of a container's measured height [m]; NaN if no limit was set."""
     if settings is None:
         return float("nan")
     return own_settings(tray, index, settings).limits[Source.MEASURED]

@@ -1,4 +1,4 @@
-"""Index page of all replayed bags."""
+"""Index page with a row for each replayed bag."""
 
 from __future__ import annotations
 

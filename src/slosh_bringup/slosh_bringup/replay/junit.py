@@ -43,7 +43,7 @@ class Suite(NamedTuple):
 
 
 def write_junit(path: Path, title: str, suites: Sequence[Suite]) -> None:
-    """Writes a JUnit file.
+    """Writes the results of checks as a JUnit XML file.
 
     Args:
         path: the file.

@@ -126,7 +126,7 @@ class ReplayedGovernor:
         self._places: tuple[float, ...] = ()
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Processes commands and states of the liquid; returns the replayed steps."""
+        """Processes recorded commands and liquid states; returns the replayed steps."""
         seen = moment.messages.get(recorded_name(FUSED_ESTIMATE))
         if seen is not None and len(seen.stamps):
             self._liquids.extend(_liquids(seen))

@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,11 @@ from typing import Any
 import slosh_base
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_facts import read_facts
-from slosh_bag.mcap_files.bag_folder import METADATA
+from slosh_bag.mcap_files.bag_folder import METADATA, bag_files
 from slosh_base.files import is_unfinished, new_folder
+from slosh_base.files.file_state import state_of
 from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.finished_work import FinishedWork
 from slosh_bringup.replay.replayed_governor import governor_row
 from slosh_estimator.inputs import WantedInput
 from slosh_model.model_text import read_model
@@ -100,6 +103,7 @@ class Replayed:
         seconds: that the replay took [s].
         document: all figures, as JSON has them; empty: they were not asked for.
         expectation: what a manifest would state of it now.
+        before: whether an earlier, interrupted run has replayed it, and nothing has changed since.
     """
 
     name: str
@@ -114,15 +118,35 @@ class Replayed:
     seconds: float
     document: Mapping[str, Any]
     expectation: Expectation
+    before: bool = False
 
 
 def replay_task(task: Task) -> Replayed:
-    """Replays one bag and writes the requested outputs.
+    """Replays one bag and writes the requested outputs, unless an interrupted run has done so.
 
     Raises:
         SloshBagError: it cannot be replayed.
         SloshBringupError: a result cannot be written.
     """
+    if task.output is None:
+        return _replayed(task)
+    finished, state = FinishedWork(task.output), _state(task)
+    known = finished.find(task.name, state, Replayed)
+    pages = [task.output / f"{task.name}{suffix}" for suffix in PAGES]
+    if known is not None and all(path.exists() for path in (task.output / task.name, *pages)):
+        return replace(known, before=True)
+    found = _replayed(task)
+    finished.note(task.name, state, found)
+    return found
+
+
+def _state(task: Task) -> str:
+    """Returns a digest of all that a replay's result depends on."""
+    files = [*bag_files(task.bag), *([] if task.model is None else [task.model])]
+    return state_of(files, repr(task), version("slosh_bringup"))
+
+
+def _replayed(task: Task) -> Replayed:
     started = time.perf_counter()
     run = RecordedRun(task.bag)
     model = read_model(task.model) if task.model else None

@@ -27,7 +27,7 @@ MOST_OF_A_PERIOD = 0.5
 
 @dataclass(frozen=True, slots=True)
 class SimulationAnswer:
-    """Result of a simulated motion.
+    """Result of a simulated motion: peak height, limits and warnings.
 
     Attributes:
         model: its name.
@@ -149,7 +149,7 @@ def make_answer(
     limits: HeightLimits,
     doubts: tuple[InputDoubt, ...],
 ) -> SimulationAnswer:
-    """Computes the result of a simulated motion.
+    """Computes peak height, limits and warnings of a simulated motion.
 
     Args:
         model: what was simulated.

@@ -23,7 +23,7 @@ WORST = "worst container"
 
 
 class _Cell:
-    """The newest data received from one cell."""
+    """The newest comparison, limits and page port received from one cell."""
 
     def __init__(self) -> None:
         self.compared: Compared | None = None
@@ -85,7 +85,7 @@ class CellList:
             cell.compared, cell.at = compared, now
 
     def take_parameters(self, name: str, node: str, parameters: Mapping[str, Any]) -> None:
-        """Stores the limits of a cell's monitor."""
+        """Stores the height limits from the parameters of a cell's monitor."""
         cell = self._cell(name) if node == "monitor" else None
         if cell is not None:
             cell.settings = MonitorSettings.from_partial(parameters)

@@ -40,7 +40,7 @@ class Camera:
             self._calibration = None
 
     def picture(self, image: NDArray[np.uint8] | bytes, stamp_ns: int, surface: Any) -> bytes:
-        """Creates a picture with its header; see `pack` for the format.
+        """Converts an image to a small picture with the measured line; see `pack` for the format.
 
         Args:
             image: (height, width) grey or (height, width, 3) blue-green-red, or a JPEG as it is.

@@ -47,7 +47,7 @@ rest [m]."""
 
 
 class RecordedFrames:
-    """Sequence of watch-page updates made from a bag.
+    """Updates of the operator's page, made from a bag, one per period.
 
     Args:
         bag: the bag.
@@ -113,7 +113,7 @@ def first_happening(frames: Sequence[str]) -> int:
 
 
 class _Listener:
-    """Processes a recording's messages as the watch node processes live ones."""
+    """Processes a recording's messages in the same way as the watch node does live messages."""
 
     def __init__(self, reader: BagReader, bag: Path) -> None:
         self.reader = reader

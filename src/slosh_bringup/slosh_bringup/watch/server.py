@@ -55,7 +55,7 @@ class Guard:
         self._app, self._access = app, access
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles one request or connection (ASGI interface)."""
+        """Handles one HTTP request or WebSocket connection (ASGI interface)."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -78,7 +78,7 @@ class Guard:
 
 
 def live_app(hub: Hub, access: Access) -> Guard:
-    """Creates the web application for a running cell."""
+    """Creates the web application of the operator's page for a running cell."""
 
     async def watch(socket: WebSocket) -> None:
         if hub.viewers >= VIEWERS:
@@ -95,7 +95,7 @@ def live_app(hub: Hub, access: Access) -> Guard:
 
 
 def recording_app(recording: RecordedFrames, access: Access) -> Guard:
-    """Creates the web application for a recording."""
+    """Creates the web application of the operator's page for a recording."""
 
     def about(request: Request) -> Response:
         return JSONResponse(recording.about())
@@ -268,13 +268,13 @@ class Hub:
         self._news = asyncio.Event()
 
     def put_frame(self, frame: str) -> None:
-        """Adds the next update of the watch page."""
+        """Adds an update of the operator's page, to be sent to all viewers."""
         self._frames.append(frame)
         self._last = (self._last[0] + 1, self._last[1])
         self._tell()
 
     def put_picture(self, picture: bytes) -> None:
-        """Sets the newest camera picture."""
+        """Sets the newest camera picture, to be sent to all viewers."""
         self._picture = picture
         self._last = (self._last[0], self._last[1] + 1)
         self._tell()

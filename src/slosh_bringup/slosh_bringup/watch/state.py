@@ -41,7 +41,7 @@ START = 0
 
 
 class Compared(NamedTuple):
-    """Displayed fields of a SloshComparison, with heights of the nonlinear model."""
+    """Fields of a SloshComparison message that the operator's page displays."""
 
     stamp_ns: int
     measured: float
@@ -57,7 +57,7 @@ class Compared(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """Displayed fields of a FreeSurface: the highest point and the line on the wall."""
+    """Fields of a FreeSurface message that the operator's page displays."""
 
     stamp_ns: int
     height: float
@@ -68,7 +68,7 @@ class Surface(NamedTuple):
 
 
 class Estimated(NamedTuple):
-    """Displayed fields of a SloshEstimate: the nonlinear model's highest point."""
+    """Fields of a SloshEstimate message that the operator's page displays."""
 
     stamp_ns: int
     height: float
@@ -76,7 +76,7 @@ class Estimated(NamedTuple):
 
 
 class Fused(NamedTuple):
-    """Displayed fields of a FusedEstimate."""
+    """Fields of a FusedEstimate message that the operator's page displays."""
 
     stamp_ns: int
     height: float
@@ -84,7 +84,7 @@ class Fused(NamedTuple):
 
 
 class CalmNews(NamedTuple):
-    """Displayed fields of a Calm: height and tolerance [m], time until calm [s]."""
+    """Fields of a Calm message that the operator's page displays."""
 
     calm: bool
     reason: int
@@ -94,7 +94,7 @@ class CalmNews(NamedTuple):
 
 
 class GovernorNews(NamedTuple):
-    """Displayed fields of a GovernedMotion: fraction of the command followed, state and reason."""
+    """Fields of a GovernedMotion message that the operator's page displays."""
 
     share: float
     state: int
@@ -103,7 +103,7 @@ class GovernorNews(NamedTuple):
 
 
 class LimitNews(NamedTuple):
-    """Displayed fields of a LimitEvent."""
+    """Fields of a LimitEvent message that the operator's page displays."""
 
     stamp_ns: int
     id: int
@@ -146,19 +146,19 @@ class WatchState:
         self.cells: list[dict[str, Any]] = []
 
     def is_alone(self, now: float) -> bool:
-        """Whether the estimate is drawn alone, because no measured height is compared with it."""
+        """Whether only the estimate is drawn, since no measured height is compared with it."""
         compared = self._compared
         silent = compared is None or compared.alone or not math.isfinite(compared.estimated)
         return silent or now - self._compared_at > ALONE
 
     def take_comparison(self, compared: Compared, now: float) -> None:
-        """Stores measured and estimated height, which were received at a monotonic time [s]."""
+        """Stores a comparison of measured and estimated height, with its arrival time [s]."""
         self._compared, self._compared_at = compared, now
         if math.isfinite(compared.measured) or math.isfinite(compared.estimated):
             self._add(compared.stamp_ns, compared.measured, compared.estimated)
 
     def take_surface(self, surface: Surface) -> None:
-        """Stores a measured surface."""
+        """Stores the newest measured surface for the operator's page."""
         self._surface = surface
 
     def take_estimate(self, estimated: Estimated, now: float) -> None:
@@ -172,15 +172,15 @@ class WatchState:
         self._fused.append(fused)
 
     def take_calm(self, calm: CalmNews, now: float) -> None:
-        """Stores a calm state that was received at a monotonic time [s]."""
+        """Stores whether the liquid is calm, with the arrival time [s] (monotonic clock)."""
         self._calm = calm, now
 
     def take_governor(self, news: GovernorNews, now: float) -> None:
-        """Stores the governor's newest step, which was received at a monotonic time [s]."""
+        """Stores the governor's newest step, with its arrival time [s] (monotonic clock)."""
         self._governor = news, now
 
     def take_event(self, event: LimitNews) -> None:
-        """Stores the start or end of a limit violation."""
+        """Stores the start or the end of a limit violation for the operator's page."""
         self._events.append(event)
         if event.kind == START:
             self._open[event.id] = event
@@ -206,7 +206,7 @@ class WatchState:
         self._settings = MonitorSettings.from_partial(parameters)
 
     def take_container(self, container: Container) -> None:
-        """Stores the container's views and the height of its rim, for drawing."""
+        """Stores the shape of the container and the height of its rim, for drawing."""
         self._wall = container.wall
         along, across = (np.round(container.side_view(axis), 5).tolist() for axis in (0, 1))
         plan = np.round(container.corners * container.reaches, 5).tolist()

@@ -12,7 +12,7 @@ OK, WARN, ERROR, STALE, BLIND = range(5)
 
 
 class CellVerdict(Enum):
-    """Safety state of a cell, shown in large letters."""
+    """Safety state of a cell, one word shown in large letters."""
 
     SAFE = "safe"
     NEAR = "near limit"

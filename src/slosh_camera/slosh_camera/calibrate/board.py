@@ -106,7 +106,7 @@ def parse_board(text: str) -> Board:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoardFit:
-    """Pose of a board that was detected in an image.
+    """Pose of a board that was detected in an image, with its residual.
 
     Attributes:
         pose: transform board -> camera. The board's frame is OpenCV's: origin in its top left

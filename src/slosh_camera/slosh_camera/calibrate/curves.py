@@ -138,7 +138,7 @@ def look_for_curves(
 
 
 def separation(view: CupView) -> float:
-    """Returns the image rows between front and rear contact line of the liquid at rest [px]."""
+    """Returns the distance in image rows [px] between front and rear contact line at rest."""
     front = curve_points(view, Curve.FRONT, 3)[1]
     rear = curve_points(view, Curve.REAR, 3)[1]
     return float(np.hypot(*(front - rear)))

@@ -21,7 +21,7 @@ _STEP_TO_SLOPE = 1.0 / (np.sqrt(2.0 * np.pi) * TUNING.smoothing)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeImage:
-    """A smoothed image and its derivatives.
+    """A smoothed image with its derivatives along rows and columns.
 
     Attributes:
         smooth: (H, W, channels) smoothed image [grey levels].

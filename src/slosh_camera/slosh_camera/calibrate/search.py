@@ -105,7 +105,7 @@ def _support_maps(edges: EdgeImage) -> _Maps:
 def _axes(
     lines: list[UprightLine], camera: PinholeCamera, cup: Cup, shape: tuple[int, int]
 ) -> list[tuple[Axis, float]]:
-    """Yields axes of line pairs that may be a container's sides, with their distances [px]."""
+    """Yields the axes that pairs of lines define as container sides, with the distance [px]."""
     axes = []
     for left, right in _pairs(lines, shape):
         axis = axis_of_lines(left, right, camera, cup)

@@ -95,7 +95,7 @@ class _Task:
 
     @property
     def sure(self) -> bool:
-        """Whether the distance was given, so that a fit at that distance must be the container."""
+        """Whether the user gave the camera's distance, so that a fit must be the container."""
         return self.distance is not None
 
 
@@ -344,7 +344,7 @@ def _straight_pixel(pixel: tuple[float, float], camera: PinholeCamera) -> tuple[
 
 
 def _worth_a_fit(rough: list[PlaceFit]) -> list[PlaceFit]:
-    """Returns the best coarse fits, and the one with the nearest container."""
+    """Returns the candidates for the final fit: the best coarse fits and the nearest container."""
     if not rough:
         return []
     best = rough[: TUNING.fine_fits]

@@ -28,7 +28,7 @@ _GREY = np.arange(256, dtype=np.float32)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tone:
-    """The colour axis from liquid to background.
+    """The line in colour space from the liquid's colour to the background's.
 
     Attributes:
         liquid: (C,) colour of the liquid [grey levels].

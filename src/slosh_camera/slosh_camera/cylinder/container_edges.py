@@ -50,7 +50,7 @@ class ContainerEdges:
         )
 
     def turned(self, image: Image, usual: float) -> bool:
-        """Whether both sides are rotated equally from their usual angle [rad]."""
+        """Whether both sides are rotated equally, and clearly, from their usual direction."""
         if not self._able:
             return False
         scores = self._scores(image)

@@ -65,7 +65,7 @@ class FreeSurfaceDetector:
     def __init__(
         self, calibration: Calibration, settings: DetectionSettings | None = None
     ) -> None:
-        """Prepares the scan lines of the calibrated camera.
+        """Computes the scan lines on the container's wall for the calibrated camera.
 
         Args:
             calibration: camera, container and pose.

@@ -78,7 +78,7 @@ class StillReferenceFinder:
         front: FrontLineFinder,
         edges: ContainerEdges,
     ) -> None:
-        """Stores the parts of the detector that compute the reference data.
+        """Stores the detector's parts that are needed to compute the reference data.
 
         Args:
             view: the container before the camera.

@@ -36,7 +36,7 @@ class SurfaceChooser:
     """Fits and rates free surfaces in the images of one camera."""
 
     def __init__(self, geometry: WallGeometry, rim: float = np.inf) -> None:
-        """Prepares pairs of scan lines for the search for candidate surfaces.
+        """Chooses pairs of scan lines for the search for candidate surfaces.
 
         Args:
             geometry: tables of the scan lines.

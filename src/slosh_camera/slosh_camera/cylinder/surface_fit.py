@@ -28,7 +28,7 @@ class SurfaceFitter:
     """Fits free surfaces to edges along one camera's scan lines."""
 
     def __init__(self, geometry: WallGeometry) -> None:
-        """Stores the wall geometry of the scan lines."""
+        """Stores the scan lines' wall geometry for later fits."""
         self._wall = geometry
 
     def fit_front(
@@ -38,7 +38,7 @@ class SurfaceFitter:
         start: FloatArray | None = None,
         coarse: float = TUNING.coarse,
     ) -> SurfaceFit:
-        """Fits a surface to the front contact line alone.
+        """Fits a free surface to points of the front contact line alone.
 
         Args:
             points: of the contact line.

@@ -53,7 +53,7 @@ class ExpectedMode:
 
 
 class SurfaceMemory:
-    """Remembers the first mode in recent images."""
+    """Stores the first mode's amplitudes in recent images, to predict the next ones."""
 
     def __init__(self, radius: float, fill_height: float) -> None:
         """Starts with an empty memory, before the first image.
@@ -69,7 +69,7 @@ class SurfaceMemory:
         self.forget()
 
     def forget(self) -> None:
-        """Forgets all earlier images."""
+        """Forgets the first-mode amplitudes of all earlier images."""
         self._seen: tuple[tuple[int, FloatArray], ...] = ()
         self._decided = 0
         self._fade = USUAL_FADE

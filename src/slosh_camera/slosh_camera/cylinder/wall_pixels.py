@@ -23,7 +23,7 @@ class WallPixels:
     """Table of the image positions of a container's wall points by azimuth and height."""
 
     def __init__(self, view: CupView) -> None:
-        """Projects a grid of wall points into the image."""
+        """Projects a grid of wall points into the image, as a look-up table."""
         self._view = view
         level = view.cup.rim_level
         top = TUNING.unknown_rim * view.cup.radius if level is None else level

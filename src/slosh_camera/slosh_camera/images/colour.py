@@ -1,4 +1,4 @@
-"""Converts images between grey and colour."""
+"""Converts images between grey levels and colour."""
 
 from __future__ import annotations
 

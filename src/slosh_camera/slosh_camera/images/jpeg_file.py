@@ -60,7 +60,7 @@ class _Component(NamedTuple):
 
 @dataclass(slots=True)
 class _State:
-    """State of the JPEG parser before a scan."""
+    """State of the JPEG parser before a scan: image size and tables read so far."""
 
     size: tuple[int, int] = (0, 0)
     components: dict[int, _Component] = field(default_factory=dict)

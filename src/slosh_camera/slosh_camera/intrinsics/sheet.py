@@ -21,7 +21,7 @@ _POINTS = 72.0 / 25.4
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """A printable page with a calibration board.
+    """A printable page with a calibration board: paper size and drawing.
 
     Attributes:
         width: of the page [mm].

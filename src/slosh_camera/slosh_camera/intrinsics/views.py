@@ -40,7 +40,7 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """An image that is not used, with the reason.
+    """A calibration image that is not used, with the reason.
 
     Attributes:
         name: of the picture.
@@ -53,7 +53,7 @@ class LeftOut:
 
 @dataclass(frozen=True, slots=True)
 class Views:
-    """The usable and unusable images of one camera.
+    """The usable and unusable calibration images of one camera.
 
     Attributes:
         size: width and height of all of them [px].

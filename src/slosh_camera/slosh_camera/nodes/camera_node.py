@@ -50,12 +50,12 @@ PARAMETERS = (
         "image of the liquid at rest, used as reference; empty: the one in camera.yaml",
     ),
     ParameterSpec("transport", "raw", "kind of images to read", choices=("raw", "compressed")),
-    ParameterSpec("container_frame", "container", "the container's frame, on all output"),
+    ParameterSpec("container_frame", "container", "container's frame in all published messages"),
     ParameterSpec(
         "container",
         "",
-        "name of the container on a tray that the camera sees; it is also the frame on all "
-        "output, and part of the topics' names; empty: the first container, or the only one",
+        "name of the container on a tray that the camera sees, used as frame in all messages "
+        "and as part of the topic names; empty: the first container, or the only one",
     ),
     ParameterSpec(
         "frame_rate",
@@ -276,7 +276,7 @@ class Complaints:
 
 
 class LevelChanges:
-    """Counts images that show a changed liquid level."""
+    """Counts measured images that show a changed liquid level, for a warning."""
 
     def __init__(self) -> None:
         self._changes: list[tuple[float, float]] = []

@@ -64,7 +64,7 @@ def _other_lens(
     k: Sequence[float],
     lens: tuple[str, Sequence[float]],
 ) -> str:
-    """Describes how far the driver's lens model shifts pixels; empty if it is not far."""
+    """Describes how far the driver's lens model shifts pixels; empty if the shift is small."""
     model, coefficients = lens
     try:
         driver = camera_from_info(k, coefficients, width, height, model)

@@ -29,7 +29,7 @@ class NewestImage:
     """
 
     def __init__(self, node: Node, kind: Any, topic: str, use: Callable[[Any], None]) -> None:
-        """Subscribes to the image topic.
+        """Creates the subscription to the image topic.
 
         Args:
             node: the node.

@@ -49,7 +49,7 @@ class Box(SeenContainer):
 
     @property
     def face(self) -> float:
-        """Position of the inner front face along y [m]."""
+        """Position of the inner side of the front wall along y [m]."""
         return 0.0 if self.depth is None else -0.5 * self.depth
 
 

@@ -15,7 +15,7 @@ EXACT = 1e-12  # m, of a ray's place
 
 @compiled
 def _hit(x, y, z, dx, dy, dz, radius, taper, far):  # type: ignore[no-untyped-def]
-    """Returns how far along a ray it meets a wall face; see `GlassWall._hit`."""
+    """Returns the distance along a ray to a wall face; see `GlassWall._hit`."""
     here, rise = radius + taper * z, taper * dz
     a = dx * dx + dy * dy - rise * rise
     half_b = dx * x + dy * y - here * rise

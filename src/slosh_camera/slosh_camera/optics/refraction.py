@@ -64,7 +64,7 @@ class GlassWall:
 
     @property
     def bends(self) -> bool:
-        """Whether the wall refracts light."""
+        """Whether the wall refracts light: it has a thickness and an index other than 1."""
         return self.thickness > 0.0 and self.index != 1.0
 
     def trace(self, origin: Array, directions: Array) -> WallTrace:

@@ -276,6 +276,6 @@ def _spread(small: Single, where: BoolArray, contrast: float) -> tuple[Single, B
 
 
 def _same_sign(half: Single, contrast: float) -> Single:
-    """Sets contrast values to 0 whose sign contradicts the overall contrast."""
+    """Sets those contrast values to 0 whose sign contradicts the overall contrast."""
     usable = half * np.sign(contrast) > 0.1 * abs(contrast)
     return np.where(usable, half, np.float32(0.0)).astype(np.float32)

@@ -51,7 +51,7 @@ class SideViewDetector:
     def __init__(
         self, calibration: SideCalibration, settings: DetectionSettings | None = None
     ) -> None:
-        """Prepares the region of interest in the image.
+        """Determines the image region in which the contact line is searched.
 
         Args:
             calibration: camera, container and pose.

@@ -188,7 +188,7 @@ def _peak(
 
 
 def _reached(to_top: BoolArray, seen: BoolArray, below_top: IntArray) -> BoolArray:
-    """Returns columns full of liquid that are connected to the contact line.
+    """Returns image columns that are full of liquid and adjoin the detected contact line.
 
     A dark thing before the face, such as a sticker, ends in the middle of the line instead.
 

@@ -135,7 +135,7 @@ def trace_line(
     knowledge: Knowledge,
     image: Image,
 ) -> Trace:
-    """Detects the contact line in one image.
+    """Detects the contact line in one image of a side view.
 
     Args:
         view: the container as the camera sees it.

@@ -58,7 +58,7 @@ class Normal:
 def find_campaigns(
     one: Fit, motions: Sequence[PreparedMotion], temperature: float
 ) -> Campaigns | None:
-    """Finds the likeliest grouping of the motions by sensor set-up; None if they need none.
+    """Finds the likeliest grouping of motions by sensor set-up; None if no grouping is needed.
 
     Args:
         one: the best explanation of all motions together.
@@ -109,7 +109,7 @@ def grouping(normals: Sequence[Normal], effect: str) -> Campaigns:
 def normal_equations(
     one: Fit, name: str, motions: Sequence[PreparedMotion], temperature: float
 ) -> list[Normal]:
-    """Computes each motion's normal equations for a modelled effect, near its neutral parameters.
+    """Computes each motion's normal equations for a modelled effect, linearised at zero effect.
 
     Clock offsets that are unknown follow; what else the explanation has stays.
     """

@@ -29,7 +29,7 @@ class HeldOut:
 
 
 def held_out(one: Fit, motions: Sequence[PreparedMotion]) -> HeldOut:
-    """Predicts motions, or parts of motions, with parameters that were fitted to other ones."""
+    """Predicts motions, or parts of motions, with parameters fitted to the other motions."""
     chi_square, squares, count = 0.0, 0.0, 0
     for seen, left_out in _folds(motions, one.clock_offsets):
         vector = one.vector

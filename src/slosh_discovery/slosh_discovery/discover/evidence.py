@@ -91,7 +91,7 @@ def temperature_of(fit: Fit, motions: Sequence[PreparedMotion]) -> float:
 def residual_temperature(
     residual: Array, parameters: int, motions: Sequence[PreparedMotion]
 ) -> float:
-    """Returns the variance of a residual [noise²] times its correlation length; see `evidence`."""
+    """Returns the variance of a residual [noise²] times its correlation length."""
     count = len(residual) - parameters
     series = residual_series(residual, motions)
     together = correlation_length(series) * columns_together(series)
@@ -99,7 +99,7 @@ def residual_temperature(
 
 
 def columns_together(series: Sequence[Array]) -> float:
-    """Returns how many azimuths vary together; 1 for white noise or a single azimuth.
+    """Returns how many azimuths have correlated residuals; 1 for white noise or one azimuth.
 
     K (tr C²)/(tr C)² with the columns' covariance C, averaged over motions with as many columns.
     """
@@ -151,7 +151,7 @@ def probabilities(log_evidences: Sequence[float]) -> Array:
 
 
 def standard_errors(fit: Fit, temperature: float) -> Array:
-    """Returns standard errors (P,) of the free parameters, at most the prior's deviations."""
+    """Returns standard errors (P,) of the free parameters, at most their prior deviations."""
     spreads = fit.explanation.spreads
     information = fit.information * np.outer(spreads, spreads) / temperature
     information += np.eye(len(spreads))

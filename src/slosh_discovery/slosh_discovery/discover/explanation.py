@@ -30,7 +30,7 @@ Part = Callable[[str, str | None], Mapping[str, float]]
 
 
 class Free(NamedTuple):
-    """A free parameter of a fit.
+    """A free parameter of a fit: effect, parameter, and group of motions.
 
     Attributes:
         effect, parameter: whose it is.
@@ -44,7 +44,7 @@ class Free(NamedTuple):
 
 @dataclass(frozen=True)
 class Explanation:
-    """Physical effects added to a base model; one that the base already has is fitted again.
+    """Physical effects added to a base model; effects that the base has are fitted again.
 
     Attributes:
         base: the model that they are added to.
@@ -67,7 +67,7 @@ class Explanation:
 
     @cached_property
     def free(self) -> tuple[Free, ...]:
-        """The free parameters, in the order of the parameter vector."""
+        """The free parameters of the candidate model, in the order of the parameter vector."""
         return tuple(
             Free(EFFECTS[name], parameter, group)
             for name in self.effects
@@ -91,7 +91,7 @@ class Explanation:
 
     @cached_property
     def centres(self) -> Array:
-        """Prior mean (P,) of each free parameter."""
+        """Prior mean (P,) of each free parameter's probability distribution."""
         return np.array([_centre(one.parameter) for one in self.free])
 
     @cached_property
@@ -151,7 +151,7 @@ class Explanation:
         return replace(self, per_group=tuple(e for e in self.per_group if e != name))
 
     def simpler(self) -> list[Explanation]:
-        """Returns copies with one physical effect less, or with one shared by all motions."""
+        """Returns candidate models with one effect less, or one shared by all groups."""
         less = [self.without(name) for name in self.effects]
         return [*less, *(self.shared(name) for name in self.per_group)]
 
@@ -193,7 +193,7 @@ def starts(name: str) -> Iterator[tuple[dict[str, float], dict[str, float]]]:
 
 
 def plausible(parameter: Parameter) -> tuple[float, float]:
-    """Returns the plausible range of a parameter."""
+    """Returns the plausible range of a parameter, lower and upper end."""
     return parameter.plausible or (parameter.lower, parameter.upper)
 
 

@@ -24,7 +24,7 @@ NAN = float("nan")
 
 
 class Verdict(Enum):
-    """Outcomes of a discovery."""
+    """Possible outcomes of a discovery: effect named, none, ambiguous or unexplained."""
 
     NAMED = "named"
     NONE = "none"

@@ -114,7 +114,7 @@ def _longer(marked: Mask, least: int) -> Mask:
 
 
 def _rough(t: Array, columns: Array) -> float:
-    """Returns the noise of a sample [m/s²], estimated from differences of several orders.
+    """Returns the standard deviation of a sample's noise [m/s²], by differences of several orders.
 
     Kinks of a motion are rougher than its noise in some of the orders.
     """
@@ -126,7 +126,7 @@ def _rough(t: Array, columns: Array) -> float:
 
 
 def _white(inputs: Inputs, columns: Array) -> float:
-    """Returns the noise of a sample [m/s²], estimated from neighbouring samples."""
+    """Returns the standard deviation of a sample's noise [m/s²], by neighbouring samples."""
     still = resting(inputs)
     if np.count_nonzero(still) >= 2 * TUNING.least_samples:
         rest = np.where(still, columns, np.nan)

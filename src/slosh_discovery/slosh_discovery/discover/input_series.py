@@ -17,7 +17,7 @@ from slosh_model.simulate import Inputs
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InputSeries:
-    """The inputs of a motion at given times.
+    """Acceleration, jerk, tilt and angular velocity of a motion at given times.
 
     Attributes:
         t: (M,) on the inputs' clock [s].

@@ -15,7 +15,7 @@ from slosh_model.simulate import Inputs
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class MeasuredMotion:
-    """A motion and its measured heights.
+    """A motion of the container, with the measured heights of the liquid.
 
     >>> t = np.linspace(0.0, 2.0, 201)
     >>> still = Inputs(t, np.zeros((201, 3)))

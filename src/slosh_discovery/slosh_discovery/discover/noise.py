@@ -36,7 +36,7 @@ OVERSAMPLING = 2
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Measurement noise of heights.
+    """Standard deviation of measured heights, with its source and uncertainty.
 
     Attributes:
         stddev: of one sample [m], positive.
@@ -69,7 +69,7 @@ class Removable:
 
     @property
     def stddev(self) -> float:
-        """Standard deviation of `rms` [m]; near zero, the largest rms that the data allow."""
+        """Standard deviation of `rms` [m]; for an `rms` near zero, the largest possible one."""
         if self.mean_square > self.mean_square_stddev:
             return 0.5 * self.mean_square_stddev / self.rms
         return math.sqrt(self.mean_square_stddev)

@@ -309,7 +309,7 @@ def liquid_alone(model: Model) -> Model:
 def prepare(
     motion: MeasuredMotion, others: Sequence[MeasuredMotion] = (), noise: float | None = None
 ) -> PreparedMotion:
-    """Prepares a measured motion for many simulations.
+    """Prepares a measured motion (time grid, noise) for fast comparison with models.
 
     Args:
         motion: the motion.

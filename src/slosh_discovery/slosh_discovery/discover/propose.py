@@ -79,7 +79,7 @@ class _Problem:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """Fitted coefficients of selected terms.
+    """Fitted coefficients of selected equation terms, and the residuals.
 
     Attributes:
         support: indices into LIBRARY, in the order of their choice.

@@ -40,7 +40,7 @@ FORETOLD = tuple(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Start:
-    """Initial values of a fit, and the improvement expected from it."""
+    """Initial values of a fit, and the improvement that is expected from the fit."""
 
     explanation: Explanation
     vector: Array
@@ -88,7 +88,7 @@ class Pool:
 
 @dataclass(frozen=True, slots=True)
 class Leftover:
-    """The correlated part of a fit's residual.
+    """The part of a fit's residual that is correlated and thus no white noise.
 
     Attributes:
         mean_square: its mean square, in squares of the noise.
@@ -261,7 +261,7 @@ class Search:
 
     @staticmethod
     def _ways(explanation: Explanation, name: str) -> tuple[bool, ...]:
-        """Returns which sharings of an effect's parameters to try: between all groups, or none."""
+        """Returns how to share an effect's parameters: one set for all groups, or one for each."""
         return (False, True) if _may_differ(explanation, name) else (False,)
 
     def _may_join(self, name: str, explanation: Explanation) -> bool:
@@ -280,7 +280,7 @@ class Search:
         return list(self._executor.map(run, chosen))
 
     def _starts(self, one: Fit, name: str) -> tuple[list[Start], bool]:
-        """Returns one more effect's initial values, and whether it changes the heights."""
+        """Returns one more effect's initial values, and whether the effect changes the heights."""
         found, visible = [], False
         offsets = np.array(one.clock_offsets)
         carried = _carried(one)

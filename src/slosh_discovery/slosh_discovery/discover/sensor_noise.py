@@ -58,7 +58,7 @@ class SensorNoise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leftovers:
-    """Residual of a model for one motion.
+    """Residuals of a model for one motion, measured minus predicted heights.
 
     Attributes:
         motion: the motion.
@@ -292,7 +292,7 @@ def _spacing(part: _Part) -> float:
 
 
 def _liquid(part: _Part) -> Array:
-    """Returns cosine functions, one per column, up to the highest frequency of the liquid."""
+    """Returns cosine functions, one per column, that model motions of the liquid in residuals."""
     span = float(part.t[-1] - part.t[0])
     highest = min(TUNING.liquid_band, TUNING.band_share / _spacing(part))
     count = min(int(2.0 * highest * span) + 1, len(part.t) // 2)

@@ -64,7 +64,7 @@ class _Pair:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Trial:
-    """A motion that the search tried.
+    """A motion that the search tried, and the heights' difference in both models.
 
     Attributes:
         motion, inputs: the motion.

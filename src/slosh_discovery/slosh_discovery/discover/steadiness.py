@@ -55,7 +55,7 @@ class Change:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Changing:
-    """A fit in which one parameter changes with time.
+    """A linearised fit in which one parameter changes with time.
 
     Attributes:
         one: the fit with constant parameters.

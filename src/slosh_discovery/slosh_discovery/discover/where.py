@@ -182,7 +182,7 @@ def _sector_label(k: int) -> str:
 
 
 def frequency_bands(model: Model) -> tuple[tuple[str, float, float], ...]:
-    """Returns disjoint bands around the characteristic frequencies: label, from, to [Hz]."""
+    """Returns bands around the liquid's characteristic frequencies: label, from, to [Hz]."""
     first = model.mode_frequency(1) / (2.0 * math.pi)
     second = model.mode_frequency(2) / (2.0 * math.pi)
     centres = sorted([(first, "ω₁"), (2.0 * first, "2ω₁"), (second, "ω₂")])

@@ -1,4 +1,4 @@
-"""Converts tables and bags to measured motions."""
+"""Converts table files and bags to measured motions."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def _overlap(one: DayMotion, other: DayMotion) -> bool:
 
 
 def files_at(path: Path) -> list[Path]:
-    """Returns the tables and bags at a path.
+    """Returns the table files and bags at a path, a file or a folder.
 
     Raises:
         SloshDiscoveryError: there are none.

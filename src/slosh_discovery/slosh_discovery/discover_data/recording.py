@@ -156,7 +156,7 @@ class _Container:
         return found
 
     def add(self, columns: Columns) -> None:
-        """Adds consecutive messages of the input."""
+        """Adds consecutive messages of the input topic."""
         self._moved.add(columns)
 
     @property
@@ -243,7 +243,7 @@ class PoseAttitudes:
         self._turns: list[Array] = []
 
     def add(self, columns: Mapping[str, NDArray[Any]]) -> None:
-        """Adds consecutive pose messages."""
+        """Adds consecutive messages with poses of the container."""
         turns = np.column_stack([columns[name] for name in _TURN])
         # A quaternion without a length is none; NaN compares false.
         usable = (columns[FRAME] == self._world) & (np.linalg.norm(turns, axis=1) > 0.0)

@@ -146,7 +146,7 @@ def _until_rest(spans: Sequence[MotionSpan], rest: _Rest) -> list[MotionSpan]:
 
 
 class _Chain(NamedTuple):
-    """Successive motions that form one part, and whether they continue earlier motions."""
+    """Successive motions of one part, and whether the liquid still sloshes from motions before."""
 
     start: int
     end: int

@@ -33,7 +33,7 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A command that the user may run next.
+    """A command that the user may run next, with its purpose.
 
     Attributes:
         purpose: what it does, a few words.
@@ -67,7 +67,7 @@ class DiscoveryReport:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Notes and remarks, without duplicates."""
+        """Notes and remarks of the discovery, without duplicates."""
         return tuple(dict.fromkeys((*self.notes, *self.finding.remarks)))
 
 

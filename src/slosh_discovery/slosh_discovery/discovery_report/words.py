@@ -183,7 +183,7 @@ def _split(effects: Iterable[FoundEffect]) -> tuple[list[FoundEffect], list[Foun
 
 @dataclass(frozen=True, slots=True)
 class ShownParameter:
-    """A parameter formatted for display.
+    """A fitted parameter, formatted for display.
 
     Attributes:
         name: as in model.yaml.

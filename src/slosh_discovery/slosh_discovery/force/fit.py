@@ -69,7 +69,7 @@ class ForceProblem:
         return 3 if self.stiffness is None else 4
 
     def values(self, vector: Array) -> dict[str, float]:
-        """Returns the model parameters by name."""
+        """Returns the model parameters of a vector of unknowns, by name."""
         found = {
             FREQUENCY: self.start[FREQUENCY] * math.exp(vector[0]),
             DAMPING: self.start[DAMPING] * math.exp(vector[1]),
@@ -86,7 +86,7 @@ class ForceProblem:
         return self.data.below_cutoff(force)
 
     def basis(self, liquid: Array, rigid: Array, delay: float) -> Array:
-        """Returns the linear fit's columns by sample and direction of motion; see `Linear`."""
+        """Returns the design matrix of the linear fit, by sample and direction of motion."""
         data, k = self.data, self.across.shape[1]
         parts = [data.at(values @ self.across, delay) for values in (rigid, liquid)]
         zeros = data.offsets.shape[1]

@@ -91,7 +91,7 @@ def _result(
     unit: str,
     notes: list[str],
 ) -> ForceIdentification:
-    """Creates the result in SI units from a fit."""
+    """Creates the identification result, in SI units, from a fit."""
     container, newton = model.container, UNITS[unit]
     ratio = container.natural_frequency(1, axis) / container.natural_frequency(1, X_AXIS)
     values = fit.problem.values(fit.vector)

@@ -1,1 +1,1 @@
-"""The page of an identification from a force."""
+"""HTML page with the results of an identification from a measured force."""

@@ -63,7 +63,7 @@ class IdentificationReport:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Notes and remarks, without duplicates."""
+        """Notes and remarks of the identification, without duplicates."""
         return tuple(dict.fromkeys((*self.notes, *self.found.remarks)))
 
 

@@ -60,7 +60,7 @@ class FittedVector:
 
     @property
     def colour(self) -> Colour:
-        """Size and autocorrelation of the sensor's noise."""
+        """Standard deviation and autocorrelation of the sensor's noise."""
         return self.noise.colour
 
     @property

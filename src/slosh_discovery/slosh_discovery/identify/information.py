@@ -33,7 +33,7 @@ ACCELERATIONS = (1.0, 4.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unidentified:
-    """A parameter that the motions do not identify.
+    """A parameter that the motions do not determine, with the reason.
 
     Attributes:
         name: of the parameter; it keeps its value.
@@ -138,7 +138,7 @@ def _candidates(
 
 
 def _answers_change(problem: Problem, vector: Array, inputs: Inputs) -> Array | None:
-    """Returns changes of heights [m] per parameter, each varied by its prior width; or None."""
+    """Returns height changes [m] per parameter, each varied by its prior width, or None."""
     azimuths = problem.trials[0].prepared.azimuths
     columns = []
     for place, parameter in enumerate(problem.parameters):

@@ -123,7 +123,7 @@ def _effect_parameter(model: Model, name: str) -> FreeParameter:
 
 
 def _values(model: Model, effect: str) -> dict[str, float]:
-    """Returns the parameters of an effect of the model, nearly neutral ones if it has none."""
+    """Returns an effect's parameters; nearly neutral values if the model lacks the effect."""
     for use in model.effects:
         if use.name == effect:
             return dict(use.parameters)

@@ -163,7 +163,7 @@ class Problem:
         return groups
 
     def _moved(self, vector: Array, group: list[tuple[int, int | None]]) -> list[Array]:
-        """Returns copies of the vector in which a group is varied, within the bounds."""
+        """Returns copies of the vector with a group of unknowns varied, within the bounds."""
         places = [place for place, _ in group]
         lower, upper = self.bounds(vector)
         moved = []

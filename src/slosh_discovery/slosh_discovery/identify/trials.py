@@ -76,7 +76,7 @@ class OperatingPoint:
 def make_trials(
     motions: Sequence[MeasuredMotion], model: Model, ratio: float
 ) -> tuple[tuple[Trial, ...], tuple[OperatingPoint, ...]]:
-    """Prepares motions and groups them by operating point.
+    """Prepares measured motions for the fit, and groups them by operating point.
 
     Args:
         motions: the data.
@@ -193,7 +193,7 @@ def _rise_rows(inputs: Inputs) -> tuple[int, int] | None:
 
 
 def _distinct(points: Sequence[OperatingPoint]) -> tuple[OperatingPoint, ...]:
-    """Returns the operating points with unique labels."""
+    """Returns the operating points, with labels changed where equal."""
     labels = [point.label for point in points]
     return tuple(
         OperatingPoint(

@@ -137,7 +137,7 @@ def seen_by_estimator(inputs: Inputs) -> tuple[float, float]:
 
 
 def limited(model: Model, limit: LineLimit | None) -> Model:
-    """Adds a straight surface's motion limits to the model, if faster motions exceeded them."""
+    """Adds limits of validity to a model if the surface was not straight in faster motions."""
     if limit is None or not limit.exceeded or not math.isfinite(limit.speed):
         return model
     last = next(error for error in limit.errors if error.speed == limit.speed)

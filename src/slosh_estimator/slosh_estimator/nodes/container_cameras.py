@@ -73,7 +73,7 @@ class ContainerCameras:
             )  # fmt: skip
 
     def carry(self, tray: Tray | None, stamp_ns: int, settings: MonitorSettings) -> None:
-        """Replaces the containers of the tray from a stamp [ns] on; None if there is no tray."""
+        """Replaces the tray's containers from a stamp [ns] on; None means that no tray is held."""
         self._complaint = ""
         for name in self._names:
             try:
@@ -101,12 +101,12 @@ class ContainerCameras:
             camera.monitor.change_settings(settings, stamp_ns)
 
     def reset(self) -> None:
-        """Resets the accuracy of all further cameras."""
+        """Resets the accuracy statistics of all further cameras."""
         for camera in self._cameras.values():
             camera.monitor.core.reset_accuracy()
 
     def add_tray(self, message: TrayEstimate) -> None:
-        """Compares a tray's estimates with the cameras' heights and publishes the comparisons."""
+        """Passes a tray's estimates to the monitor of each camera; publishes the comparisons."""
         self._counts[topics.TRAY_ESTIMATE] += 1
         for camera in self._cameras.values():
             monitor = camera.monitor
@@ -177,7 +177,7 @@ def container_point(message: TrayEstimate, index: int) -> EstimatePoint:
 
 
 def measured_point(message: FreeSurface) -> MeasuredPoint:
-    """Returns the measured heights and their stamp from a camera node's message."""
+    """Returns the wall heights and the stamp from a camera node's FreeSurface message."""
     surfaces = Surfaces(*(getattr(message, name) for name in Surfaces._fields))
     (wave,), (axis,) = (column.tolist() for column in measured_waves(surfaces))
     return MeasuredPoint(

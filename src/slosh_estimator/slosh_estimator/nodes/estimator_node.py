@@ -106,7 +106,7 @@ PARAMETERS = (
     ),
     ParameterSpec(
         "starts_at_rest", True,
-        "true: the liquid is at rest when the node starts; false: the estimate has to settle",
+        "true: the liquid is at rest when the node starts; false: this is unknown",
     ),
     ParameterSpec(
         "sensor_rotation", [0.0, 0.0, 0.0],
@@ -134,15 +134,15 @@ PARAMETERS = (
     ),
     ParameterSpec(
         "smoothing", 0.0,
-        "delay of the differentiated input [s], half of the window; a longer one reduces noise; "
-        "it also sets the polynomial's degree; 0.0: as pose_window", (0.0, 1.0),
+        "delay of the differentiated input [s], half of the window; a longer delay reduces "
+        "noise and determines the polynomial's degree; 0.0: as pose_window", (0.0, 1.0),
     ),
     ParameterSpec(
         "observer", True,
         "true: correct a copy of the model by measured heights; publish fused_estimate and calm"
     ),
     _dynamic(
-        "calm_tolerance", 1e-3, "height of a wave up to which the liquid is calm [m]", (1e-5, 1.0)
+        "calm_tolerance", 1e-3, "wave height up to which the liquid is calm [m]", (1e-5, 1.0)
     ),
 )  # fmt: skip
 DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
@@ -368,7 +368,7 @@ class EstimatorNode(PreparedNode):
             self._trays.publish(self._tray_message)
 
     def _take(self, index: int, held: HeldContainer, tray: Tray) -> int:
-        """Replaces the container of one tray place for later inputs; returns the last stamp [ns].
+        """Replaces the container of one tray place; returns the last stamp before the change [ns].
 
         Args:
             index: of the place on the tray, from 0; of one container 0.

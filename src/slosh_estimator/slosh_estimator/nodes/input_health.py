@@ -43,7 +43,7 @@ class InputHealth:
         self._faulty_since = 0
 
     def facts(self, total: int) -> dict[str, str]:
-        """Returns diagnostic values on messages that others receive but this node does not.
+        """Returns diagnostic values about messages that are published but not received.
 
         Args:
             total: messages that it has heard.

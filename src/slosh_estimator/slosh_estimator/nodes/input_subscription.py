@@ -253,7 +253,7 @@ class InputSubscription:
         self._on_placed(found)
 
     def _on_placed(self, found: list[PlacedAcceleration]) -> None:
-        """Processes accelerations that transforms have converted to the container's origin."""
+        """Converts accelerations at the container's origin, found by transforms, to samples."""
         assert isinstance(self.source, AccelInput)
         for stamp, vector, pose in found:
             self._before(stamp)
@@ -283,7 +283,7 @@ class InputSubscription:
             self._on_poses([TimedPose(stamp, place, quaternion)], frame)
 
     def _on_chained(self, poses: TransformPoses, links: list[Transform]) -> None:
-        """Processes links of the chain that leads from the world to the container's poses."""
+        """Computes container poses from transforms of a chain, and processes the poses."""
         before = poses.since_ns
         found = poses.take(links)
         if poses.since_ns and poses.since_ns != before:  # what a replay must know

@@ -39,7 +39,7 @@ class MonitorHealth:
         self._measured = self._unmatched = 0
 
     def watch(self, core: Monitor) -> None:
-        """Replaces the monitor that is evaluated."""
+        """Sets another Monitor object as the one to evaluate."""
         self._core, self._unmatched = core, 0
 
     def look(self, now_ns: int, measured: int) -> Health:
@@ -54,7 +54,7 @@ class MonitorHealth:
         return self._silence(now_ns) or self._blindness(now_ns) or self._state(now_ns, mismatch)
 
     def facts(self, counts: Mapping[str, int]) -> dict[str, str]:
-        """Returns diagnostic values on messages that others receive but the monitor does not.
+        """Returns diagnostic values about messages that are published but not received.
 
         Args:
             counts: messages so far, by topic.

@@ -60,33 +60,37 @@ _DEFAULT = MonitorSettings()
 _dynamic = partial(ParameterSpec, read_only=False)
 PARAMETERS = (
     _dynamic("measured_limit", 0.02, "limit of the measured height [m]", (0.0, 10.0)),
-    _dynamic("estimated_limit", 0.02, "limit of the NL model's height [m]", (0.0, 10.0)),
-    _dynamic("disagreement_limit", 0.01, "limit of |measured - NL| [m]", (0.0, 10.0)),
+    _dynamic("estimated_limit", 0.02, "limit of the nonlinear model's height [m]", (0.0, 10.0)),
+    _dynamic(
+        "disagreement_limit", 0.01,
+        "limit of the difference between measured and estimated (nonlinear) height [m]",
+        (0.0, 10.0),
+    ),
     _dynamic(
         "rim_distance", _DEFAULT.rim_distance,
         "least distance of the liquid to the rim [m]; 0.0: the rim itself", (0.0, 10.0),
     ),
     _dynamic(
-        "warn_share", _DEFAULT.warn_share, "share of a limit above which the state is WARN",
+        "warn_share", _DEFAULT.warn_share, "share of a limit above which the monitor warns",
         (0.01, 1.0),
     ),
     _dynamic(
-        "release", _DEFAULT.hysteresis.release, "share of a limit below which an exceedance ends",
+        "release", _DEFAULT.hysteresis.release, "share of a limit below which a violation ends",
         (0.01, 1.0),
     ),
     _dynamic(
         "hold", _DEFAULT.hysteresis.hold_ns / 1e9,
-        "time that the value must stay below release before the exceedance ends [s]", (0.0, 60.0),
+        "time for which the height must stay below this share [s]", (0.0, 60.0),
     ),
-    _dynamic("timeout", _DEFAULT.timeout, "time without messages after which an input is "
-                                          "stale [s]", (0.05, 0.4)),
-    ParameterSpec("buffer", _DEFAULT.buffer, "time for which estimates are kept [s]", (0.1, 60.0)),
+    _dynamic("timeout", _DEFAULT.timeout, "time without messages after which the camera or "
+                                          "the estimator counts as silent [s]", (0.05, 0.4)),
+    ParameterSpec("buffer", _DEFAULT.buffer, "time that estimates are stored [s]", (0.1, 60.0)),
     ParameterSpec("container_frame", "container", "container's frame in all published messages"),
     ParameterSpec("camera", True, "false: there is no camera; only the estimate is monitored"),
     ParameterSpec(
         "cameras", "",
-        "names of a tray's containers behind the first that have a camera of their own, separated "
-        "by commas; empty: no further cameras",
+        "names of those containers of a tray, other than the first, that have a camera of their "
+        "own, separated by commas; empty: none",
     ),
 )  # fmt: skip
 DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
@@ -152,7 +156,7 @@ class MonitorNode(GuardedNode):
         self._settings.publish_change(changed, stamp_ns)
 
     def _moved_rim(self) -> tuple[str, ...]:
-        """Updates the rim's height from the model; returns its name if it changed."""
+        """Updates the rim's height from the model; returns the parameter's name if it changed."""
         if self._model is None:
             return ()
         settings = MonitorSettings.from_parameters(self._given)
@@ -378,7 +382,7 @@ class PredictionWatch:
         )
 
     def reset(self) -> None:
-        """Forgets all outcomes of predictions."""
+        """Discards the outcomes of all earlier predictions."""
         self._record.reset()
 
     def judge(self, motion: MotionAgreement) -> None:

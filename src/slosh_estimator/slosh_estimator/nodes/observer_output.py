@@ -72,7 +72,7 @@ class ObserverOutput:
         )  # fmt: skip
 
     def load(self, model: Model) -> None:
-        """Restarts the observer with a model."""
+        """Restarts the observer with another model."""
         self.observer, self._wall = Observer(model), model.container.wall
         # What a sensor reads of such a model is not the height of the liquid.
         self.hears = not model.uses("reading")
@@ -83,7 +83,7 @@ class ObserverOutput:
         self._watch = CalmWatch(tolerance)
 
     def warning(self) -> str:
-        """Returns in one line that any wave counts as calm; empty if not."""
+        """Returns a warning if the tolerance lets any wave count as calm; else empty."""
         refusal = self._refusal(self._watch.tolerance, 0.0)
         return f"calm_tolerance: {refusal}" if refusal else ""
 
@@ -176,7 +176,7 @@ class _Wait:
         self.done: Future = Future()
 
     def update(self, state: FusedState) -> None:
-        """Updates the calmness from a fused state."""
+        """Updates the goal's calm state from a fused state."""
         fill_calm(self._state, self._watch.update(state))
 
     def tell(self, told: Calm) -> None:
@@ -190,7 +190,7 @@ class _Wait:
             self.done.set_result(None)
 
     def result(self) -> WaitUntilCalm.Result:
-        """Ends the goal and returns its result."""
+        """Ends the action goal and returns its result message."""
         result, waited = WaitUntilCalm.Result(), time.monotonic() - self._began
         result.calm, result.waited, result.state = self._state.calm, waited, self._state
         if self._goal.is_cancel_requested:
@@ -206,7 +206,7 @@ class _Wait:
 
 
 def words(state: Calm) -> str:
-    """Returns in words why the liquid is not calm."""
+    """Describes in words why the liquid is not calm."""
     return {
         Calm.MOVING: "the container moves",
         Calm.SETTLING: f"the wave reaches {1e3 * state.envelope:.1f} mm",

@@ -33,7 +33,7 @@ def requested_model(request: Any, tell: Callable[[str], object]) -> Model:
 
 
 def model_at(path: str, tell: Callable[[str], object], service: str) -> Model:
-    """Reads the model file named by a service's caller; see `tray_at`."""
+    """Reads the model file that the caller of a service names."""
     return _read_at(read_model, path, tell, service)
 
 

@@ -36,7 +36,7 @@ UNSTAMPED = {TWIST: Twist, WRENCH: Wrench}
 PAYLOAD = "payload"
 PARAMETERS = (
     ParameterSpec(
-        PAYLOAD, "", "identification.json of `slosh identify --force`; empty without one"
+        PAYLOAD, "", "identification.json of `slosh identify --force`; empty: no force"
     ),
     ParameterSpec(
         "unstamped_force", "", "topic of forces without stamps, which are stamped on arrival and "
@@ -56,10 +56,10 @@ PARAMETERS = (
     ),
     ParameterSpec("level_stddev", 1e-3, "standard deviation of a measured level [m]", (1e-5, 0.1)),
     ParameterSpec(
-        "beside_camera", False, "true: a camera node publishes free_surface, and this node "
-        "sensed_surface",
+        "beside_camera", False, "true: publish sensed_surface, since a camera node publishes "
+        "free_surface",
     ),
-    ParameterSpec("container_frame", "container", "the container's frame, on all output"),
+    ParameterSpec("container_frame", "container", "container's frame in all published messages"),
 )  # fmt: skip
 
 

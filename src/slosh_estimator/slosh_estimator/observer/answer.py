@@ -33,7 +33,7 @@ from slosh_model.outline_wall import place_at_corners
 
 @compiled
 def _rows(blocks, heights, size):  # type: ignore[no-untyped-def]
-    """Returns the measurement matrix (2, size) of the heights at +x and +y, and their noise."""
+    """Returns the matrix (2, size) from filter state to heights at +x and +y, and their noise."""
     rows, noise = np.zeros((2, size)), np.zeros(2)
     states = 2 * blocks.shape[0]
     for k in range(blocks.shape[0]):
@@ -51,7 +51,7 @@ def _rows(blocks, heights, size):  # type: ignore[no-untyped-def]
 
 @compiled
 def product(one, matrix, other):  # type: ignore[no-untyped-def]
-    """Returns aᵀ M b; a is mostly zeros."""
+    """Returns the product aᵀ M b of vectors and a matrix; `a` is mostly zeros."""
     total = 0.0
     for i in range(one.shape[0]):
         if one[i] != 0.0:
@@ -64,7 +64,7 @@ def product(one, matrix, other):  # type: ignore[no-untyped-def]
 
 @compiled
 def answered(store, blocks, covariance, row, out):  # type: ignore[no-untyped-def]
-    """Writes heights and standard deviations of the fused state at a stored input."""
+    """Computes heights and standard deviations of the fused state at a stored input."""
     runs, modes = records(store)
     hx, hy = kernel.turned(row[HEIGHT_X], row[HEIGHT_Y], row[TURN])
     rows, noise = _rows(blocks, (row[HEIGHT_X], row[HEIGHT_Y]), covariance.shape[0])

@@ -44,7 +44,7 @@ class CalmState(NamedTuple):
 
     @property
     def calm(self) -> bool:
-        """Whether the liquid is calm."""
+        """Whether the liquid is calm: no reason against it is known."""
         return self.reason is CalmReason.CALM
 
 
@@ -79,7 +79,7 @@ class CalmWatch:
         self._first_ns: int | None = None
 
     def update(self, state: FusedState) -> CalmState:
-        """Returns the calmness for the next fused state."""
+        """Computes from the next fused state whether, or when, the liquid is calm."""
         if self._first_ns is None or state.stamp_ns < self._first_ns:  # or time was set back
             self._first_ns = state.stamp_ns
         return CalmState(

@@ -98,7 +98,7 @@ def measured(  # type: ignore[no-untyped-def]
     points,
     mean,
 ):
-    """Updates the covariance by a measurement and writes the correction of the mean.
+    """Updates the covariance by a measurement and computes the correction of the state.
 
     Args:
         elapsed: since the measurement before [s]: errors of images that follow each other closely
@@ -152,7 +152,7 @@ def measured(  # type: ignore[no-untyped-def]
 
 @compiled
 def _corrected(blocks, mean, row):  # type: ignore[no-untyped-def]
-    """Adds a correction at the reference time to a later stored state."""
+    """Applies a correction of the state at the reference time to a later stored state."""
     states = 2 * blocks.shape[0]
     by_gain = 2.0 * mean[states + FREQUENCY]
     row[HEIGHT_X] *= 1.0 + by_gain

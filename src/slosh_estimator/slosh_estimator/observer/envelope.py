@@ -96,7 +96,7 @@ def _worst(wave, moves, errors):  # type: ignore[no-untyped-def]
 
 @compiled
 def envelope(store, blocks, covariance, averages, errors, out):  # type: ignore[no-untyped-def]
-    """Writes the largest height, its standard deviations and the rate of its decay.
+    """Computes the largest height, its standard deviations and the rate of its decay.
 
     The standard deviations are bounded from above; that of the worst height is of one direction.
     """

@@ -9,7 +9,7 @@ from slosh_estimator.tuning import TUNING
 
 
 class Envelope(NamedTuple):
-    """The largest height that the wave can still reach, according to the filter.
+    """The largest height that the wave can still reach, according to the Kalman filter.
 
     Attributes:
         stamp_ns: the moment [ns].
@@ -29,7 +29,7 @@ class Envelope(NamedTuple):
     slowest: float
 
     def bound(self, deviations: float) -> float:
-        """Returns the lower of two upper bounds of the height [m], at a number of deviations.
+        """Returns the lower of two upper bounds of the height [m], a number of sigmas above it.
 
         The worst height has an error along the wave and one across it, which matters where there
         is hardly a wave.

@@ -156,7 +156,7 @@ class Observer:
         return self._state()
 
     def state(self) -> ObserverState:
-        """Returns the complete state of the observer."""
+        """Returns the complete state of the observer, which `take_up` restores."""
         kept = [self._ring[k % len(self._ring)] for k in range(self._first, self._count)]
         return ObserverState(
             self._newest_ns, self._epoch_ns or 0, self._corrected_ns, self._judged_ns,
@@ -265,7 +265,7 @@ class Observer:
         return Outcome.USED
 
     def _is_another_wave(self, moment: float, points: Array) -> bool:
-        """Resets the wave and fits it to measured points; returns False if they fit no wave."""
+        """Resets the wave and fits it to measured points; returns False if none fits."""
         shown = len(points) >= TUNING.shape_points
         if self._rejected < (TUNING.reopen if shown else TUNING.reopen_unseen):
             return False

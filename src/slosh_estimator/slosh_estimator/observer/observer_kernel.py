@@ -92,7 +92,7 @@ def begin(store, blocks):  # type: ignore[no-untyped-def]
 def follow(  # type: ignore[no-untyped-def]
     store, poses, now, dt, ax, ay, az, yaw, ring, count, blocks, averages, noise, bound
 ):
-    """Propagates the filter to the newest input.
+    """Propagates the Kalman filter to the time of the newest input.
 
     Args:
         store: the observer's model; changed.
@@ -141,7 +141,7 @@ def follow(  # type: ignore[no-untyped-def]
 def read(  # type: ignore[no-untyped-def]
     store, blocks, ring, count, covariance, averages, errors, out
 ):
-    """Writes height, standard deviations and envelope of the wave at the newest input.
+    """Computes height, standard deviations and envelope of the wave at the newest input.
 
     Args:
         store, blocks, ring: as in `follow`.

@@ -78,7 +78,7 @@ def _step(block, swing, dt, lift, density, q, u):  # type: ignore[no-untyped-def
 
 @compiled
 def propagated(blocks, one, two, begin, end):  # type: ignore[no-untyped-def]
-    """Propagates all mode axes over a part of the time between two stored inputs."""
+    """Propagates transition and noise of all modes over part of the time between two inputs."""
     whole = two[TIME] - one[TIME]
     middle = (0.5 * (begin + end) - one[TIME]) / whole if whole > 0.0 else 1.0
     lift = one[LIFT] + middle * (two[LIFT] - one[LIFT])
@@ -107,7 +107,7 @@ def anchored(blocks):  # type: ignore[no-untyped-def]
 
 @compiled
 def averaged(run, averages, time, dt):  # type: ignore[no-untyped-def]
-    """Updates the mean acceleration that acts on the liquid, and the mean of its noise."""
+    """Updates the running mean of the acceleration on the liquid, and of its noise."""
     averages[COUNT] += 1.0
     share = max(1.0 / averages[COUNT], dt / (time + dt))
     averages[MEAN_X] += share * (run["ax"] - averages[MEAN_X])
@@ -118,7 +118,7 @@ def averaged(run, averages, time, dt):  # type: ignore[no-untyped-def]
 
 @compiled
 def take_constants(store, blocks):  # type: ignore[no-untyped-def]
-    """Writes frequency, damping and height gain of each mode axis."""
+    """Copies frequency, damping and height gain of each mode and axis to the filter."""
     runs, modes = records(store)
     run = runs[0]
     for n in range(modes.shape[0]):

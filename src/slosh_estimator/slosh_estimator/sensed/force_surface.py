@@ -25,7 +25,7 @@ from slosh_model.model import Model
 
 
 class Motion(NamedTuple):
-    """Acceleration of the container.
+    """Horizontal acceleration and yaw of the container at a stamp.
 
     Attributes:
         stamp_ns: the moment [ns].
@@ -40,7 +40,7 @@ class Motion(NamedTuple):
 
 
 class SensedWave(NamedTuple):
-    """The wave that a measured force indicates.
+    """Heights and errors of the wave that a measured force indicates.
 
     Attributes:
         stamp_ns: the moment [ns].

@@ -25,7 +25,7 @@ class LoadCheck:
         self.wrong = ""
 
     def add(self, forces: list[float], pushes: list[float]) -> None:
-        """Adds a block of time in which the container moved.
+        """Adds the forces of a block of time in which the container moved to the check.
 
         Args:
             forces: less the sensor's zero, along each direction [N].

@@ -17,7 +17,7 @@ Direction = tuple[float, float, float]
 
 
 class Payload(NamedTuple):
-    """Payload that a force sensor carries.
+    """Identified data of what a force sensor carries: container and liquid.
 
     Attributes:
         natural_frequency: of the first mode [rad/s].

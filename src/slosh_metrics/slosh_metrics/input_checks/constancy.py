@@ -51,7 +51,7 @@ class Bins:
         self._count = 0
 
     def add(self, stamp_ns: int, values: Sequence[float]) -> Bin | None:
-        """Adds a sample; returns the bin that it completes."""
+        """Adds a sample; returns the time bin that the sample completes, or None."""
         number = stamp_ns // BIN_NS
         closed = None
         if number != self._number:
@@ -106,7 +106,7 @@ class Bins:
         return [_told(self._number, base), float(self._count), *self._sums]
 
     def take_up(self, memory: Sequence[float], base: int) -> None:
-        """Restores a state that `memory` returned."""
+        """Restores the state that `memory` returned."""
         number, count, *sums = memory
         self._number, self._count, self._sums = _heard(number, base), round(count), sums
 
@@ -138,7 +138,7 @@ class Stretch:
 
     @property
     def unbroken(self) -> bool:
-        """Whether all bins since the start belong to one time span of constant values."""
+        """Whether all time bins since the last restart belong to one constant time span."""
         return self._all == self.count
 
     @property
@@ -153,13 +153,13 @@ class Stretch:
 
     @property
     def noise(self) -> float:
-        """Standard deviation of the noise of a bin's mean along one axis."""
+        """Standard deviation of the noise of a time bin's mean along one axis [m/s²]."""
         if not self._bends:
             return 0.0
         return sorted(self._bends)[len(self._bends) // 2] / _MEDIAN
 
     def take(self, number: int, value: Vector) -> bool:
-        """Adds a bin; returns whether it continues the time span of constant values."""
+        """Adds a time bin; returns whether it continues the time span of constant values."""
         one, two = self._one, self._two
         bend = math.sqrt(sum((value[i] - 2.0 * one[i] + two[i]) ** 2 for i in range(3)))
         if bend == bend:  # two bins are known before it
@@ -190,7 +190,7 @@ class Stretch:
         return [*places, *self.mean, *self._one, *self._two, *bends]
 
     def take_up(self, memory: Sequence[float], base: int) -> None:
-        """Restores a state that `memory` returned."""
+        """Restores the state that `memory` returned."""
         start, last, count, total, mx, my, mz, ox, oy, oz, tx, ty, tz, *bends = memory
         self._start, self._last = _heard(start, base), _heard(last, base)
         self.count, self._all, self.mean = round(count), round(total), (mx, my, mz)

@@ -38,7 +38,7 @@ class ConstantFinder:
         self._speed, self._time, self._last = _ZERO, 0.0, -(2**62)
 
     def take(self, number: int, mean: Vector, felt: Vector | None = None) -> Vector | None:
-        """Adds a bin; returns the constant acceleration at rest, or None if unknown.
+        """Adds a time bin; returns the constant acceleration at rest, or None if it is unknown.
 
         Args:
             number: of the bin.
@@ -71,7 +71,7 @@ class ConstantFinder:
         return constant if self._is_no_acceleration(constant) else None
 
     def adopt(self, constant: Vector) -> None:
-        """Sets a constant as the bias of the input, which is then subtracted."""
+        """Takes a constant acceleration as the input's bias, which is then subtracted."""
         self._earlier, self._departed, self.bias = None, False, constant
         self._speed, self._time = _ZERO, 0.0
 
@@ -98,7 +98,7 @@ class ConstantFinder:
         return [*own, *self.stretch.memory(base)]
 
     def take_up(self, memory: Sequence[float], base: int) -> None:
-        """Restores a state that `memory` returned."""
+        """Restores the state that `memory` returned."""
         vx, vy, vz, self._time, last, ex, ey, ez, departed, bx, by, bz, *stretch = memory
         self.bias = bx, by, bz
         self._speed = vx, vy, vz

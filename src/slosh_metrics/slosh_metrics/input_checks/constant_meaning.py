@@ -31,7 +31,7 @@ _UPRIGHT: Vector = (0.0, 0.0, 1.0)
 
 
 class Doubt(NamedTuple):
-    """A suspected fault of an input.
+    """A suspected fault of an input, such as gravity in the acceleration or a wrong unit.
 
     Attributes:
         text: cause and remedy in one sentence.

@@ -63,7 +63,7 @@ class ImuCheck(Check):
         *,
         restarted: bool = False,
     ) -> bool:
-        """Adds a sample; returns whether the input is doubtful.
+        """Adds a sample to the check; returns whether the input is doubtful so far.
 
         Args:
             stamp_ns: the moment [ns].
@@ -141,7 +141,7 @@ class ImuCheck(Check):
         self._up = self._stood = _unit(force)
 
     def _is_honest(self, force: Vector) -> bool:
-        """Returns whether a force that is not that of an upright rest may still be right.
+        """Returns whether a specific force that differs from an upright rest may still be correct.
 
         A container that was upright, or that has been turned by its rates, may stand or move
         tilted. What is left of the force beside gravity as it was turned accelerates it.

@@ -90,7 +90,7 @@ class Check(ABC):
         self._bins = Bins(self.WIDTH)
 
     def memory(self, stamp_ns: int) -> list[float]:
-        """Returns the state after the sample with this stamp [ns]."""
+        """Returns the check's state as numbers, after the sample with this stamp [ns]."""
         base = stamp_ns // BIN_NS
         cause = [float(self._cause.kind), *self._cause.vector]
         return [*cause, *self._bins.memory(base), *self._remembered(base)]
@@ -128,15 +128,15 @@ class Check(ABC):
 
     @abstractmethod
     def _take(self, closed: Bin) -> None:
-        """Evaluates the mean of a completed time bin."""
+        """Checks the mean input of a completed time bin."""
 
     @abstractmethod
     def _remembered(self, base: int) -> list[float]:
-        """Returns the state that a subclass adds; bin numbers are relative to `base`."""
+        """Returns a subclass's state as numbers; time bins are counted from `base`."""
 
     @abstractmethod
     def _remember(self, memory: Sequence[float], base: int) -> None:
-        """Restores the state that a subclass adds."""
+        """Restores the state that `_remembered` of the subclass returned."""
 
 
 class AccelCheck(Check):
@@ -149,7 +149,7 @@ class AccelCheck(Check):
         self._finder = ConstantFinder()
 
     def add(self, stamp_ns: int, acceleration: Vector, *, restarted: bool = False) -> bool:
-        """Adds an acceleration [m/s²]; returns whether the input is doubtful."""
+        """Adds an acceleration [m/s²] to the check; returns whether the input is doubtful."""
         if restarted:
             self._restart()
         self.faults.take(stamp_ns, acceleration)
@@ -161,7 +161,7 @@ class AccelCheck(Check):
     def add_many(
         self, stamps: Integers, accelerations: Array, restarted: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
-        """Adds accelerations; returns which of them (N,) are doubtful.
+        """Adds accelerations to the check; returns at which of them (N,) the input is doubtful.
 
         Args:
             stamps: (N,) [ns].
@@ -233,7 +233,7 @@ class PoseCheck(Check):
         *,
         restarted: bool = False,
     ) -> bool:
-        """Adds a pose of the container [m]; returns whether the input is doubtful."""
+        """Adds a pose of the container to the check; returns whether the input is doubtful."""
         if restarted:
             self._restart()
         x, y, z, w = quaternion

@@ -44,7 +44,7 @@ class FaultKind(Enum):
 
 
 class InputFault(NamedTuple):
-    """A fault in a recorded or live input.
+    """A fault in an input: kind, time span, axis and value.
 
     Attributes:
         kind: what is wrong.
@@ -137,7 +137,7 @@ class FaultWatch:
         return [fault.text() for fault in self.faults]
 
     def add(self, stamps: NDArray[np.int64], accelerations: Array) -> None:
-        """Adds samples and searches them for faults.
+        """Adds input samples and searches complete windows for faults.
 
         Args:
             stamps: (N,) increasing, and after those before [ns].

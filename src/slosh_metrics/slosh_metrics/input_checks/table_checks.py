@@ -25,7 +25,7 @@ _LONGEST = 1e9
 
 
 class InputDoubt(str):
-    """A line of text that reports a doubtful input.
+    """A warning text about a doubtful input.
 
     Attributes:
         wrong: whether the answer is wrong then; else it is worth a look.
@@ -35,18 +35,18 @@ class InputDoubt(str):
     wrong: bool
 
     def __new__(cls, text: str, wrong: bool = True) -> InputDoubt:
-        """Creates a line of text that reports a doubtful input."""
+        """Creates a warning text about a doubtful input."""
         made = super().__new__(cls, text)
         made.wrong = wrong
         return made
 
     @classmethod
     def of(cls, doubt: Doubt) -> InputDoubt:
-        """Creates the line from a suspected fault."""
+        """Creates the warning text for a suspected fault."""
         return cls(doubt.text, doubt.wrong)
 
     def of_file(self, path: object) -> InputDoubt:
-        """Returns the line preceded by the path of the file."""
+        """Returns the warning text, preceded by the path of the file."""
         return InputDoubt(f"{path}: {self}", self.wrong)
 
 

@@ -26,7 +26,7 @@ COLUMNS = 18
 
 
 class SensorColumns(NamedTuple):
-    """Samples of a sensor as received.
+    """A sensor's samples as received: stamps, specific force, angular velocity.
 
     Attributes:
         stamps: (N,) rising [ns].
@@ -40,7 +40,7 @@ class SensorColumns(NamedTuple):
 
 
 class MotionColumns(NamedTuple):
-    """Samples of the container's motion.
+    """Samples of the container's motion: stamps, acceleration, attitude.
 
     Attributes:
         stamps: (N,) rising [ns].
@@ -58,7 +58,7 @@ class MotionColumns(NamedTuple):
 
 
 class Aligned(NamedTuple):
-    """Sensor and motion on one time axis.
+    """A sensor's readings and the container's motion on one time axis.
 
     Attributes:
         motion: (N, COLUMNS).

@@ -74,7 +74,7 @@ def coarse_lag(both: Aligned) -> float | None:
 
 
 def _unexplained(s: Array, v: Array) -> float:
-    """Returns the mean square of readings (N, 3) that no rotation and gain of v explains."""
+    """Returns the mean square of readings (N, 3) that no rotation and gain of vectors v gives."""
     s, v = s - s.mean(axis=0), v - v.mean(axis=0)
     size = float(np.sum(v * v))
     whole = float(np.sum(s * s))

@@ -137,7 +137,7 @@ def fit_mounting(both: Aligned, told: Array, arm: Array) -> MountingFit | None:
 
 
 def _without_noise(covariance: Array, fine: Solution, problem: Problem) -> Array:
-    """Returns the rotation's covariance (3, 3) without the information that noise pretends.
+    """Returns the rotation's covariance (3, 3), corrected for information that is only noise.
 
     Such noise looks like information about turns, in all directions alike.
     """

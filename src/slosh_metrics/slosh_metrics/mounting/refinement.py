@@ -39,7 +39,7 @@ class Rates(NamedTuple):
 
 
 class Problem(NamedTuple):
-    """Data and prior knowledge of a mounting fit.
+    """Data and prior knowledge from which a mounting is fitted.
 
     Attributes:
         s: (N, 3) readings.

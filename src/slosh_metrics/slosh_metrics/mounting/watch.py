@@ -32,7 +32,7 @@ MOST = 100_000
 
 
 class _Motion(NamedTuple):
-    """Time span of a motion that has ended [ns]."""
+    """Start and end stamp of a motion that has ended [ns]."""
 
     begin: int
     end: int
@@ -97,7 +97,7 @@ class MountingWatch:
             self._moved = stamp_ns
 
     def look(self, *, finished: bool = False) -> bool:
-        """Judges the mounting after a motion has ended; returns whether one has.
+        """Judges the mounting if a motion has ended since the last call; returns whether one has.
 
         Args:
             finished: whether nothing more comes.
@@ -158,7 +158,7 @@ class MountingWatch:
         return sum(len(one[0].used) for one in self._kept) * TUNING.step
 
     def _drop(self, before_ns: int) -> None:
-        """Drops samples that no later motion needs."""
+        """Drops stored samples that no later motion needs."""
         last = before_ns - _PART_NS - 2 * _MARGIN_NS
         for stamps, values in ((self._sensor_ns, self._sensor), (self._motion_ns, self._motion)):
             while stamps and stamps[0] < last:

@@ -77,7 +77,7 @@ class Parameter:
     starts: tuple[float, ...] = ()
 
     def check(self, owner: str, value: float) -> float:
-        """Returns the value as a float, or raises an error if it is out of bounds.
+        """Returns a parameter's value as a float, or raises an error if it is out of bounds.
 
         Raises:
             SloshModelError: it is not a finite number within the bounds.
@@ -158,7 +158,7 @@ class Effect:
         return not self.sections or section in self.sections
 
     def complete(self, given: Parameters) -> dict[str, float]:
-        """Returns all parameters in order: the given ones and defaults.
+        """Returns all parameters of the effect in order: given values, else the defaults.
 
         Raises:
             SloshModelError: a parameter is unknown, missing or out of bounds.

@@ -1,4 +1,4 @@
-"""Effect: the acceleration input belongs to a point at a lever arm from the container."""
+"""Effect: the acceleration input is that of a point at a distance from the container."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Effect: the liquid swings as a nonlinear pendulum in a rectangle (L → NL)."""
+"""Effect: the liquid swings as a nonlinear pendulum in a rectangle; makes the model NL."""
 
 from __future__ import annotations
 

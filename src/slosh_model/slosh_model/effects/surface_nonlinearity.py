@@ -1,4 +1,4 @@
-"""Effect: nonlinear sloshing in a cylinder, a mass on a paraboloid (L → NL, DL22)."""
+"""Effect: nonlinear sloshing in a cylinder, a mass on a paraboloid (DL22); makes the model NL."""
 
 from __future__ import annotations
 

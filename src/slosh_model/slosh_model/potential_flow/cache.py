@@ -42,7 +42,7 @@ def read(key: str) -> tuple[ModeNumbers, ...] | None:
 
 
 def write(key: str, modes: tuple[ModeNumbers, ...]) -> None:
-    """Writes modes to the cache; ignores write errors."""
+    """Writes computed modes to the cache on disk; ignores write errors."""
     text = json.dumps([asdict(mode) for mode in modes])
     with contextlib.suppress(OSError):
         write_bytes(_path(key), text.encode(), sync=False)

@@ -41,7 +41,7 @@ _TRUSTED = (0.6, 1.5)
 
 
 def available() -> bool:
-    """Returns whether scikit-fem is installed."""
+    """Returns whether the optional library scikit-fem is installed."""
     return importlib.util.find_spec("skfem") is not None
 
 
@@ -162,7 +162,7 @@ def refined(
 
 
 def _stands(numbers: Sequence[Array], change: float) -> bool:
-    """Returns whether all frequencies changed by less than a tolerance."""
+    """Returns whether refining the mesh changed all frequencies by less than a tolerance."""
     before, now = (_extrapolated(numbers[k - 1], numbers[k])[:, 0] for k in (-2, -1))
     return bool((np.abs(np.sqrt(now / before) - 1.0) < change).all())
 

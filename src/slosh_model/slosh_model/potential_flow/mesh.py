@@ -176,7 +176,7 @@ def _filled(points: Array, size: Size) -> Array:
 
 
 def _spread(places: Array, apart: Array) -> Array:
-    """Returns the points that are not too close to an earlier one."""
+    """Returns the points without those that are too close to an earlier point."""
     kept: list[int] = []
     for i in range(len(places)):
         away = np.hypot(*(places[kept] - places[i]).T)

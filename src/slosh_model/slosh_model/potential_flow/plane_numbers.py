@@ -47,7 +47,7 @@ class PlaneModes(NamedTuple):
 
 
 def plane_matrices(inside: Any) -> tuple[Any, Any]:
-    """Returns the matrices of ∫∇u·∇v and ∫uv."""
+    """Returns the finite-element matrices of ∫∇u·∇v and ∫uv over the surface."""
     fem = library()
     stiffness = fem.BilinearForm(lambda u, v, w: u.grad[0] * v.grad[0] + u.grad[1] * v.grad[1])
     mass = fem.BilinearForm(lambda u, v, w: u * v)
@@ -57,7 +57,7 @@ def plane_matrices(inside: Any) -> tuple[Any, Any]:
 def lowest_driven(
     stiffness: Any, mass: Any, count: int, each: int, families: Callable[[Array, Array], Families]
 ) -> Families:
-    """Returns the lowest modes that an acceleration drives, as many of each family.
+    """Returns the lowest modes that a horizontal acceleration excites, by group (such as axis).
 
     Asks for more modes until enough of them are driven.
 
@@ -94,7 +94,7 @@ def area_of(inside: Any) -> float:
 
 
 def along_wall(wall: Any, f: Array) -> tuple[float, float]:
-    """Returns the integrals of F_s² and F² along the wall."""
+    """Returns the integrals of (dF/ds)² and F² along the wall, for a mode's surface shape F."""
     fem, known = library(), wall.interpolate(f)
     around = fem.Functional(lambda w: w["f"] ** 2)
     slope = fem.Functional(lambda w: (w.n[0] * w["f"].grad[1] - w.n[1] * w["f"].grad[0]) ** 2)

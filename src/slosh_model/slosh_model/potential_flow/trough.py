@@ -192,7 +192,7 @@ class _Integrals:
 
     @classmethod
     def over(cls, mesh: Any) -> _Integrals:
-        """Assembles the integrals over a mesh."""
+        """Assembles the integrals over a mesh of half of the section."""
         fem = library()
         inside, surface, wall = bases(mesh, "surface", "wall")
 

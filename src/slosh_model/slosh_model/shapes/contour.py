@@ -34,7 +34,7 @@ _FINE = 257  # places of a piece at which it is looked at
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A smooth curve that is part of a contour.
+    """A smooth curve: one piece of a container's contour.
 
     Attributes:
         at: (N,) shares of the way along it, 0 … 1, to (N, 2) places [m].

@@ -60,7 +60,7 @@ class ModeNumbers:
 
     @property
     def turns(self) -> int:
-        """Number of times that the surface crosses the still level from the axis to the wall."""
+        """Number of times that the mode's surface crosses the still level from axis to wall."""
         heights = [height for _, height in self.surface if abs(height) > _FLAT]
         return sum(a * b < 0.0 for a, b in pairwise(heights))
 

@@ -70,7 +70,7 @@ class PrismaticContainer(SolvedContainer):
 
     @property
     def one_directional(self) -> bool:
-        """Whether each mode has its own direction, so that a number stands for two modes."""
+        """Whether each mode oscillates in a fixed direction, so that each number has two modes."""
         return len({row.turn for row in self._rows}) > 1
 
     @property

@@ -79,7 +79,7 @@ class ProfiledContainer(SolvedContainer):
             )
 
     def widened(self, factor: float) -> Self:
-        """Returns the container with its lengths of `wide` scaled, as far as they are known."""
+        """Returns the container with its horizontal lengths (those in `wide`) scaled."""
         given = {name: getattr(self, name) for name in self.wide}
         changed = {name: factor * size for name, size in given.items() if size is not None}
         return cast(Self, replace(cast(Any, self), **changed))
@@ -155,7 +155,7 @@ class ProfiledContainer(SolvedContainer):
 
     @property
     def _upwards(self) -> list[Piece]:
-        """Returns the wall above the still surface, upwards."""
+        """Returns the wall's contour above the still surface, from bottom to top."""
         found: list[Piece] = []
         for piece in reversed(self.contour):
             cuts = piece.shares_at(self.level, 1)
@@ -166,7 +166,7 @@ class ProfiledContainer(SolvedContainer):
 
     @property
     def _downwards(self) -> list[Piece]:
-        """Returns the wall below the still surface, downwards."""
+        """Returns the wall's contour below the still surface, from top to bottom."""
         return [piece.part(1.0, 0.0) for piece in reversed(wetted(self.contour, self.level))]
 
 

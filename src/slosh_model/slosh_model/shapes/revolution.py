@@ -32,7 +32,7 @@ class RevolvedContainer(ProfiledContainer):
     section: ClassVar[str] = REVOLVED
 
     def solved(self, count: int) -> tuple[ModeNumbers, ...]:
-        """Computes the first sloshing modes."""
+        """Computes the first sloshing modes of the body by potential flow."""
         from slosh_model.potential_flow.axisymmetric import revolution_modes
 
         return revolution_modes(self.contour, self.level, count)
@@ -107,7 +107,7 @@ class Revolution(RevolvedContainer):
 
     @property
     def contour(self) -> tuple[Piece, ...]:
-        """The profile through the given points."""
+        """The body's profile, a curve through the given points."""
         return through(self.profile, smooth=self.smooth)
 
     def widened(self, factor: float) -> Self:

@@ -167,7 +167,7 @@ class SolvedContainer(Container):
         return self.numbers(n, axis).mass_ratio
 
     def plane_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns `curved_gain`; the difference to a plane surface is counted as quasi-static."""
+        """Returns `curved_gain`; the rest of a plane surface is in the quasi-static height."""
         return self.curved_gain(n, axis)
 
     def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
@@ -228,7 +228,7 @@ def _neighbours(
 
 
 def _alike(rows: Sequence[tuple[ModeNumbers, ...]]) -> list[tuple[ModeNumbers, ...]]:
-    """Returns the modes whose order along their axis is the same at all tabulated fill heights.
+    """Returns the modes with equal rank by frequency at all tabulated fill heights.
 
     Modes in order of frequency change places as the fill height changes.
     """

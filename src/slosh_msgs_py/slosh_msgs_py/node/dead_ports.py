@@ -135,7 +135,7 @@ class DeadPorts:
         return (self._folder / f"{port}_sl").exists()
 
     def close(self) -> None:
-        """Releases all locked ports."""
+        """Releases all shared-memory ports that this object has locked."""
         with self._lock:
             for port in list(self._held):
                 self._release(port)

@@ -75,7 +75,7 @@ class DiagnosticsReporter:
         self._timer = node.create_timer(PERIOD, self.report, clock=self._steady)
 
     def latency(self, nanoseconds: int) -> None:
-        """Adds the time from a message's stamp to the published result [ns].
+        """Adds a measured latency [ns], from a message's stamp to the published result.
 
         What is longer than a minute, or as much below zero, is no latency but another clock.
         """

@@ -35,7 +35,7 @@ class LargeMessages:
         node.create_timer(1.0, self._give_back)
 
     def add(self, points: int) -> None:
-        """Registers a received message that has a given number of trajectory points."""
+        """Counts a received message by its number of trajectory points."""
         self._was_large |= points > LARGE
 
     def _give_back(self) -> None:

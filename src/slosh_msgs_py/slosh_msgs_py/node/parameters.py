@@ -38,7 +38,7 @@ _INTEGERS = {
 
 @dataclass(frozen=True, slots=True)
 class ParameterSpec:
-    """Declaration of a node's parameter.
+    """Declaration of a node's parameter: name, type, default, bounds, description.
 
     Attributes:
         name: its name.

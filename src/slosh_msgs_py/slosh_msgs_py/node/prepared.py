@@ -82,7 +82,7 @@ class PreparedNode(GuardedNode, ABC):
 
 
 class Preparation:
-    """Thread that prepares a node.
+    """Thread in which a node's compiled code is prepared.
 
     Attributes:
         error: why it cannot be prepared; None: it can, or it is not known yet.

@@ -39,11 +39,11 @@ class SilentTopic:
 
     @property
     def seconds(self) -> float:
-        """Time since the last valid message [s]."""
+        """Time since the last valid message of the topic [s]."""
         return time.monotonic() - self._since
 
     def heard(self) -> None:
-        """Registers that a valid message has arrived."""
+        """Records that a valid message has just arrived."""
         self._since = time.monotonic()
         self._has_heard = True
 
@@ -73,7 +73,7 @@ class SilentTopic:
         return f"the publisher of {name} sends no messages{self._unshared()}{strange}"
 
     def _unshared(self) -> str:
-        """Returns the other possible cause of silence, as long as no message has ever arrived."""
+        """Returns a hint at shared memory between users; empty once a message has arrived."""
         if self._has_heard or not has_shared_memory(os.environ):
             return ""
         remedy = f"set {TRANSPORTS}={WITHOUT_SHARED_MEMORY} for this process"

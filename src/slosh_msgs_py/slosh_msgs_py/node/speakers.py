@@ -45,7 +45,7 @@ class SpeakerWatch:
         self._joined_ns = -BESIDE_NS
 
     def take(self, number: int | None, arrival_ns: int, matched: int = 1) -> bool:
-        """Processes a message; returns whether several publishers are active.
+        """Tracks a message's sequence number; returns whether several publishers are active.
 
         Args:
             number: that its publisher gave it; None: the middleware tells none.

@@ -1,4 +1,4 @@
-"""Compiled forward kinematics: the acceleration that containers on a moving link feel.
+"""Compiled forward kinematics: acceleration of containers on a robot's last link (governor).
 
 Of a chain of joints without branches; velocities and accelerations go from link to link (Siciliano
 et al., Robotics, 2009, ch. 7.2). Vectors and rotations (by rows) are tuples, which stay in the
@@ -33,7 +33,7 @@ UPSIDE = 1e-6
 
 @compiled
 def _times(r, x, y, z):  # type: ignore[no-untyped-def]
-    """Returns a rotated vector."""
+    """Rotates a vector (x, y, z) by the rotation matrix `r`, given by rows."""
     return (
         r[0] * x + r[1] * y + r[2] * z,
         r[3] * x + r[4] * y + r[5] * z,
@@ -52,7 +52,7 @@ def _cross(a, b):  # type: ignore[no-untyped-def]
 
 @compiled
 def _carried(force, spin, change, r):  # type: ignore[no-untyped-def]
-    """Returns the acceleration of a point at r from one with a known acceleration on its link.
+    """Returns the acceleration [m/s²] of a rigid link's point at offset r from a reference point.
 
     Args:
         force: the known one [m/s²].
@@ -71,7 +71,7 @@ def _carried(force, spin, change, r):  # type: ignore[no-untyped-def]
 
 @compiled
 def _column(joint, s, c, k):  # type: ignore[no-untyped-def]
-    """Returns a column of a joint's rotation, by the sine and cosine of its angle."""
+    """Returns column k of a joint's rotation matrix, from sine `s` and cosine `c` of its angle."""
     a, b, d = FIXED + k, COSINE + k, SINE + k
     return (
         joint[a] + c * joint[b] + s * joint[d],
@@ -82,7 +82,7 @@ def _column(joint, s, c, k):  # type: ignore[no-untyped-def]
 
 @compiled
 def _turned(r, joint, angle):  # type: ignore[no-untyped-def]
-    """Returns the rotation of the link behind a joint that has turned by an angle [rad]."""
+    """Returns the rotation (by rows) of the link behind a joint, given that of the link before."""
     s, c = math.sin(angle), math.cos(angle)
     x0, x1, x2 = _column(joint, s, c, 0)
     y0, y1, y2 = _column(joint, s, c, 1)
@@ -93,7 +93,7 @@ def _turned(r, joint, angle):  # type: ignore[no-untyped-def]
 
 @compiled
 def _felt(r, force, point, felt):  # type: ignore[no-untyped-def]
-    """Writes a point's acceleration as if the container were upright, by its specific force."""
+    """Stores in `felt` the acceleration of an upright container with equal effect [m/s²]."""
     fx, fy, fz = force[0], force[1], force[2] + GRAVITY
     if point[TURNS] != 0.0:
         felt[0] = r[0] * fx + r[3] * fy + r[6] * fz
@@ -109,7 +109,7 @@ def _felt(r, force, point, felt):  # type: ignore[no-untyped-def]
 
 @compiled
 def felt_at(joints, points, motion, felt, moved):  # type: ignore[no-untyped-def]
-    """Computes what containers on the last link feel in a state of motion.
+    """Computes the acceleration of points on a robot's last link from its joint motion [m/s²].
 
     Args:
         joints: (J + 1, JOINT) from the root on; the last is the moving link, fixed to the joint

@@ -1,4 +1,4 @@
-"""Commands to the governor, what it knows of the liquid, and its answers."""
+"""Commands to the governor, the observed state of the liquid, and the results of its steps."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slosh_plan.governor.layout import LIGHT
 
 
 class GovernorState(IntEnum):
-    """What the governor does with the command; the values of GovernedMotion.msg."""
+    """Whether the governor follows, limits or stops the motion; values of GovernedMotion.msg."""
 
     FOLLOWING = 0
     LIMITED = 1
@@ -47,7 +47,7 @@ class Command(NamedTuple):
 
 
 class SeenLiquid(NamedTuple):
-    """State of the liquid as an observer estimates it.
+    """State of the liquid, estimated by an observer from measurements.
 
     Attributes:
         stamp_ns: the moment [ns].
@@ -65,7 +65,7 @@ class SeenLiquid(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ModelDoubt:
-    """Largest deviation of the liquid from the model that the governor allows for.
+    """Model errors (frequency, damping) for which the governor still keeps the height limit.
 
     >>> from slosh_plan.governor import ModelDoubt
     >>> ModelDoubt(frequency=0.03, damping=2.0).factors[0]
@@ -90,7 +90,7 @@ class ModelDoubt:
 
     @property
     def factors(self) -> tuple[tuple[float, float], ...]:
-        """Factors of frequency and damping for each of the models, the nominal one first."""
+        """Factors (frequency, damping) of each simulated model, the unchanged model first."""
         e, d = self.frequency, self.damping
         count = LIGHT - 1
         light = [(1.0 + e * (2.0 * k / count - 1.0), 1.0 / d) for k in range(count + 1)]
@@ -98,7 +98,7 @@ class ModelDoubt:
 
 
 class Governed(NamedTuple):
-    """The container's motion at the next step, with the governor's state and heights.
+    """Result of one step of the governor: motion, governor state, stop reason and heights.
 
     Attributes:
         stamp_ns: of the step [ns]; the motion is that of one period later.

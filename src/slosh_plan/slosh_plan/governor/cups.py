@@ -1,4 +1,4 @@
-"""The containers that a governor keeps safe, as arrays for its compiled code."""
+"""The containers whose height limits the governor keeps, as arrays for its compiled code."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Factors = Sequence[tuple[float, float]]
 
 @dataclass(frozen=True, slots=True)
 class Cup:
-    """A container that the governor keeps safe.
+    """A container whose height limit the governor keeps, with its model and position.
 
     Attributes:
         name: of the container; empty: it is the only one.
@@ -48,7 +48,7 @@ class Cup:
 
     @property
     def points(self) -> tuple[Point, Point]:
-        """Points of the liquid's surface and of the centre of mass; see `layout.TURNS`."""
+        """Points (x, y, z, turns) of the still surface and the centre of mass, tray axes [m]."""
         turns = float(self.model.container.follows_yaw)
         x, y, z = self.place
         if self.standing is None:
@@ -59,7 +59,7 @@ class Cup:
 
 
 def cups_of(tray: Tray, limits: PlanLimits, *, turns: bool) -> tuple[Cup, ...]:
-    """Returns the containers of a tray, the first of them first.
+    """Returns the containers on a tray whose limits the governor keeps, in the tray's order.
 
     Args:
         tray: the tray, or a model as a tray of one.
@@ -99,13 +99,13 @@ def _cup(one: TrayContainer, limits: PlanLimits) -> Cup:
 
 
 def spacing_of(cups: Sequence[Cup], period: float) -> tuple[int, float]:
-    """Returns the steps of a row, and the highest natural frequency of all liquids [rad/s]."""
+    """Returns the steps per sample of a predicted stop, and the highest frequency [rad/s]."""
     fastest = max(mode.natural_frequency for cup in cups for mode in cup.model.mode_constants())
     return max(math.floor(TUNING.governor_phase / fastest / period), 1), fastest
 
 
 def stores_of(cups: Sequence[Cup], factors: Factors) -> Array:
-    """Returns the models at rest, (C MODELS, …), in the layout of `slosh_model.layout`."""
+    """Returns the state arrays of all models of all containers at rest, one model per row."""
     rows = [_twin(cup.model, *pair) for cup in cups for pair in factors]
     found = np.zeros((len(rows), max(map(len, rows))))
     for row, store in zip(found, rows, strict=True):
@@ -114,7 +114,7 @@ def stores_of(cups: Sequence[Cup], factors: Factors) -> Array:
 
 
 def table_of(cups: Sequence[Cup], spacing: float, *, turns: bool) -> tuple[Array, Array]:
-    """Returns the containers (C, CUP) and the points (P, 4) that drive them; see `layout`.
+    """Returns the parameters of all containers (C, CUP), and the points (P, 4) that drive them.
 
     Args:
         cups: the containers.
@@ -159,7 +159,7 @@ def _twin(model: Model, frequency: float, damping: float) -> Array:
 
 
 def settle(store: Array, felt: Array, period: float) -> None:
-    """Brings a model's liquid to rest in a container that is tilted.
+    """Brings a model's liquid to rest in a tilted container, under a constant acceleration.
 
     Args:
         store: of the model; changed.

@@ -1,4 +1,4 @@
-"""Executes as much of a commanded motion as the liquid allows; see `governor.kernel`."""
+"""Limits a commanded motion in real time so that the liquid stays below its height limit."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ AXES = 3
 
 
 class Governor:
-    """Computes safe motion from commands, step by step, without reading a clock.
+    """Limits commanded motions so that the liquid stays below its limit; advances step by step.
 
     The liquid is at rest at the first step. It makes one step of `period` at each call, whatever
     the times are; a step that comes late is a reason to stop.
@@ -131,13 +131,13 @@ class Governor:
         kernel.relive.load()
 
     def take(self, command: Command) -> None:
-        """Stores a command; the last one before a step is used."""
+        """Stores a command, which replaces the previous one; the next step uses it."""
         self._commands += 1
         self._command = self._latest = command
         self._came = True
 
     def see(self, liquid: SeenLiquid) -> None:
-        """Stores an observed state of the first liquid; the last one before a step is used."""
+        """Stores an observed state of the first container's liquid, which the next step uses."""
         self._seen = liquid
 
     def stop(self) -> None:
@@ -153,22 +153,22 @@ class Governor:
 
     @property
     def rests(self) -> bool:
-        """Whether the container is at rest."""
+        """Whether the container is at rest: zero velocity and acceleration."""
         return not self._motion[: layout.PLACE].any()
 
     @property
     def commands(self) -> int:
-        """Number of commands so far."""
+        """Number of commands that `take` has received."""
         return self._commands
 
     @property
     def place(self) -> Array:
-        """Present place (D,) of the coordinates: since the start [m], or joints [rad or m]."""
+        """Position (D,): displacement from the start [m], or joint positions [rad or m]."""
         place: Array = self._motion[layout.PLACE].copy()
         return place
 
     def idle(self, now_ns: int) -> Governed:
-        """Returns the answer before the first command: at rest, without a step."""
+        """Returns the result to publish before the first command: the container is at rest."""
         self._told[:] = 0.0
         told = self._governed(now_ns, share=0.0, safe=True)
         return told._replace(state=GovernorState.RESTING)
@@ -200,7 +200,7 @@ class Governor:
         return told._replace(state=state)
 
     def _look(self, now_ns: int) -> None:
-        """Checks whether there is a reason to stop."""
+        """Sets the stop reason for a bad command, an old one or a late step; clears it at rest."""
         late = not 0 < now_ns - self._last_ns <= TUNING.governor_late * self.period * SECOND
         late = late and self._last_ns > -(2**62)
         self._last_ns = now_ns
@@ -222,7 +222,7 @@ class Governor:
             self._reason = StopReason.NONE
 
     def _possible(self, command: Command) -> bool:
-        """Whether a command is plausible: finite, in the right unit, of all coordinates."""
+        """Whether a command is valid: finite, plausible, with one value per coordinate."""
         size, fast = self._motion.shape[1], TUNING.governor_fastest
         if len(command.velocity) not in (0, size) or not math.hypot(*command.velocity) <= fast:
             return False
@@ -235,7 +235,7 @@ class Governor:
         return math.hypot(*command.target) <= FARTHEST
 
     def _velocity(self) -> Array:
-        """Returns the commanded velocity (D,); towards a target it decreases with the distance."""
+        """Returns the velocity (D,) to aim at; it is proportional to the distance to a target."""
         command, place = self._command, self._motion[layout.PLACE]
         assert command is not None
         wanted: Array = np.zeros(len(place))
@@ -252,7 +252,7 @@ class Governor:
         return self._within(wanted + TUNING.governor_pull * (target - origin - place))
 
     def _within(self, velocity: Array) -> Array:
-        """Returns a velocity, lowered to the limits of the joints, which it nears slowly."""
+        """Limits velocities (D,) to the joints' maxima; reduces them near the position limits."""
         if self.arm is None:
             return velocity
         place, slack = self._motion[layout.PLACE], TUNING.governor_slack
@@ -273,7 +273,7 @@ class Governor:
             containers.settle(own, felt, first_period(self._cups[cup].model))
 
     def _use(self, liquid: SeenLiquid) -> None:
-        """Sets all models of the first container to an observed state at the present time."""
+        """Sets the first container's models to an observed state, simulated up to the present."""
         size = int(self._table[0, layout.SIZE])
         modes = divided(self._stores[0, :size])[1]
         known = liquid.modal.shape == (len(modes), 4) and np.isfinite(liquid.modal).all()
@@ -299,7 +299,7 @@ class Governor:
         self._stores[: layout.MODELS, :size] = begun
 
     def _governed(self, now_ns: int, *, share: float, safe: bool) -> Governed:
-        """Creates the answer of a step."""
+        """Creates the result of a step from the present motion and heights."""
         sent = 0 if self._command is None else self._command.stamp_ns
         # What is left of a held stop uses no more than all of it.
         np.copyto(self._uses, self._told, where=self._told == self._told)
@@ -322,7 +322,7 @@ class Governor:
         )  # fmt: skip
 
     def _moved(self) -> tuple[tuple[float, ...], ...]:
-        """Returns velocity, acceleration and position of the container's origin."""
+        """Returns velocity, acceleration and position of the container's origin, (3,) each."""
         velocity, acceleration, place = self._motion
         if self.arm is not None:
             place, velocity, acceleration = self.arm.arm.tip(
@@ -331,7 +331,7 @@ class Governor:
         return tuple(tuple(one.tolist()) for one in (velocity, acceleration, place))
 
     def stopped(self) -> list[Governed]:
-        """Computes all steps until the container is at rest, without new commands.
+        """Simulates a stop until the container is at rest; returns the result of each step.
 
         A copy of a governor tells so how it will stop.
         """

@@ -1,4 +1,4 @@
-"""Compiled step of the governor: finds the largest part of a command with a safe stop after it.
+"""Compiled step of the governor: the largest share of a command after which a stop is safe.
 
 The governor holds a *stop* that brings the container to rest within all limits, in every model of
 every container; see `stops`. The next acceleration is a mixture of the stop's and of the
@@ -69,7 +69,7 @@ VERIFIED = 2
 
 @compiled
 def _best(uses, kept, rests, settings, follow):  # type: ignore[no-untyped-def]
-    """Returns the best candidate: a safe one, or else the one that uses least.
+    """Returns the index of the best candidate motion: safe and quick, or else nearest to safe.
 
     Of safe ones the quickest in a stop; else height and duration count, so that the next steps
     have a choice.
@@ -90,25 +90,25 @@ def _best(uses, kept, rests, settings, follow):  # type: ignore[no-untyped-def]
 
 @compiled
 def _is_held(plan):  # type: ignore[no-untyped-def]
-    """Whether a candidate is the stop that is held already."""
+    """Whether a candidate motion is the stored safe stop, without a share of the command."""
     return plan[KIND] == 0.0 and plan[PART] == 0.0
 
 
 @compiled
 def _is_known(plan, state):  # type: ignore[no-untyped-def]
-    """Whether a candidate is the held stop that was found safe: what is left of it is, too."""
+    """Whether a candidate is the stored stop and already verified, so it needs no simulation."""
     return _is_held(plan) and state[BOUND] <= 1.0
 
 
 @compiled
 def _tail(settings):  # type: ignore[no-untyped-def]
-    """Returns the rows that are looked at after a stop."""
+    """Returns how many samples are simulated after the end of a stop."""
     return math.ceil(settings[TAIL] / settings[SPACING])
 
 
 @compiled_apart
 def _prepared(one, plan, begun, moves, rows):  # type: ignore[no-untyped-def]
-    """Writes a candidate's motion and what it does to the containers.
+    """Computes a candidate's motion and the containers' accelerations; checks the motion limits.
 
     Args:
         one: the candidate.
@@ -142,7 +142,7 @@ def _prepared(one, plan, begun, moves, rows):  # type: ignore[no-untyped-def]
 
 @compiled
 def _to_front(row, value):  # type: ignore[no-untyped-def]
-    """Moves a value to the front of a row; the last one goes where it was not in it."""
+    """Moves a value to the front of a row; if absent, it replaces the row's last value."""
     place = 0
     while place < row.shape[0] - 1 and row[place] != value:
         place += 1
@@ -153,7 +153,7 @@ def _to_front(row, value):  # type: ignore[no-untyped-def]
 
 @compiled_apart
 def _verified(one, moves, cups, settings, ranks, whole, told):  # type: ignore[no-untyped-def]
-    """Returns the largest share of any container's limits that a candidate uses, by all models.
+    """Simulates a candidate with all models; returns the largest fraction of a limit it reaches.
 
     Containers that were nearest to their limits are looked at first; the first that exceeds one
     ends it.
@@ -189,7 +189,7 @@ def _verified(one, moves, cups, settings, ranks, whole, told):  # type: ignore[n
 
 @compiled
 def _screened(moves, kept, cups, settings, bound, ranks, shares):  # type: ignore[no-untyped-def]
-    """Writes lower bounds of what each candidate uses, by few models of one container."""
+    """Stores in `shares` a lower bound of the fraction of the limits that each candidate uses."""
     stores, driven, ends, intervals, _ = moves
     which = np.flatnonzero(kept == JUDGED)
     own = np.full((CANDIDATES, USES), math.inf)
@@ -206,7 +206,7 @@ def _screened(moves, kept, cups, settings, bound, ranks, shares):  # type: ignor
 
 @compiled
 def _best_part(plans, begun, moves, rows, cups, ranks, told):  # type: ignore[no-untyped-def]
-    """Returns the candidate with the largest share of the command that is safe, by bisection.
+    """Bisects for the safe candidate that follows the command most; returns index and limit use.
 
     The last candidate is the held stop. What is not looked at is taken to be as its neighbours.
     """
@@ -231,7 +231,7 @@ def _best_part(plans, begun, moves, rows, cups, ranks, told):  # type: ignore[no
 
 @compiled
 def _best_of_all(moves, kept, cups, settings, bound, ranks, follow, last, told):  # type: ignore[no-untyped-def]
-    """Returns the best candidate, and the share of all limits that it uses.
+    """Returns the index of the best candidate, and the largest fraction of a limit it reaches.
 
     Few models tell which are surely unsafe; the best of the others are verified by all models.
 
@@ -276,7 +276,7 @@ def govern(  # type: ignore[no-untyped-def]
     stores, stop, motion, state, command, follow, settings, limits, cups, joints, points,
     ranks, chosen, told, answer,
 ):  # fmt: skip
-    """Computes one step of the governor, of duration PERIOD.
+    """Computes one step of the governor: advances motion and models by one period.
 
     Args:
         stores: (C MODELS, …) the models of all containers at this moment; advanced to the next.
@@ -346,13 +346,13 @@ def govern(  # type: ignore[no-untyped-def]
 
 @entry_point(void(GIVEN_2, GIVEN_2, CHANGED_2, CHANGED_2))
 def feel(joints, points, motion, felt):  # type: ignore[no-untyped-def]
-    """Computes what containers on a link feel; the arguments are those of `chain.felt_at`."""
+    """Computes the acceleration of points on a robot's last link; arguments as `chain.felt_at`."""
     felt_at(joints, points, motion, felt, np.empty(3))
 
 
 @entry_point(void(CHANGED_2, GIVEN_1, GIVEN_2, GIVEN_2, float64))
 def relive(stores, scales, modal, felt, period):  # type: ignore[no-untyped-def]
-    """Sets all models of a container to an observed state, and brings them to the present.
+    """Sets all models of a container to a past observed state and simulates up to the present.
 
     Args:
         stores: (MODELS, …) as they were at the moment of the state; changed.

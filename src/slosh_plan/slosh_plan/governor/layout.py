@@ -1,4 +1,4 @@
-"""Places of the numbers in the arrays that the governor's compiled code shares.
+"""Indices into the arrays that the governor's compiled functions share, with units.
 
 A *coordinate* is a component of the motion that is governed: x, y, z of the container's origin,
 or a joint. D counts coordinates, C containers, P points of the moving frame.

@@ -1,4 +1,4 @@
-"""Compiled motion of the governor's coordinates: what commands want, and what candidates do.
+"""Compiled motion of axes or joints: acceleration towards a command, and a candidate's effect.
 
 See `governor.kernel`.
 """
@@ -34,13 +34,13 @@ PARTS_TRIED = 12
 
 @compiled
 def _towards(left, jerk, limit, dt):  # type: ignore[no-untyped-def]
-    """Returns the acceleration that can still be taken back until the velocity is reached."""
+    """Returns the largest acceleration that can still return to 0 when the velocity is reached."""
     return min(math.sqrt(jerk * dt * jerk * dt + 2.0 * jerk * left) - jerk * dt, limit)
 
 
 @compiled
 def wanted_by_axes(motion, command, settings, found):  # type: ignore[no-untyped-def]
-    """Writes the acceleration that reaches the commanded velocity as fast as the limits allow."""
+    """Computes the next acceleration (x, y, z) towards a commanded velocity, within limits."""
     dt, jerk = settings[PERIOD], settings[JERK]
     size = 0.0
     for k in range(3):
@@ -60,7 +60,7 @@ def wanted_by_axes(motion, command, settings, found):  # type: ignore[no-untyped
 
 @compiled
 def _within(before, behind, interval, settings):  # type: ignore[no-untyped-def]
-    """Whether two accelerations of the container's origin keep its limits."""
+    """Whether acceleration and jerk between two samples of the origin keep their limits."""
     size = change = 0.0
     for k in range(3):
         size += behind[k] ** 2
@@ -71,7 +71,7 @@ def _within(before, behind, interval, settings):  # type: ignore[no-untyped-def]
 
 @compiled
 def wanted_of_joints(motion, command, limits, settings, held, robot, found):  # type: ignore[no-untyped-def]
-    """Writes the same for joints, each by its own limits, and all by the container's."""
+    """Computes the next joint accelerations towards commanded velocities, within all limits."""
     dt, count = settings[PERIOD], command.shape[0]
     for k in range(count):
         left = command[k] - motion[VELOCITY, k] - 0.5 * dt * motion[RATE, k]
@@ -96,7 +96,7 @@ def wanted_of_joints(motion, command, limits, settings, held, robot, found):  # 
 
 @compiled
 def _move(motion, following, interval):  # type: ignore[no-untyped-def]
-    """Moves the coordinates on by an interval, in which accelerations change linearly."""
+    """Integrates the coordinates over an interval with linearly changing accelerations."""
     for k in range(following.shape[0]):
         a, b = motion[RATE, k], following[k]
         motion[PLACE, k] += interval * (motion[VELOCITY, k] + interval * (2.0 * a + b) / 6.0)
@@ -106,7 +106,7 @@ def _move(motion, following, interval):  # type: ignore[no-untyped-def]
 
 @compiled
 def drive(motion, rows, end, intervals, robot, settings, must, driven):  # type: ignore[no-untyped-def]
-    """Writes the accelerations at each point that a candidate motion causes.
+    """Computes the acceleration at each container's points during a candidate motion.
 
     Args:
         motion: (3, D) the present one.
@@ -148,7 +148,7 @@ def drive(motion, rows, end, intervals, robot, settings, must, driven):  # type:
 
 @compiled
 def keeps_limits(motion, rows, end, intervals, limits):  # type: ignore[no-untyped-def]
-    """Whether a candidate keeps the limits of each coordinate."""
+    """Whether a candidate motion keeps all joint limits: position, velocity and so on."""
     for k in range(rows.shape[1]):
         place, velocity = motion[PLACE, k], motion[VELOCITY, k]
         for row in range(1, end + 1):

@@ -66,7 +66,7 @@ def velocity_command(
 def arm_of(
     robot: CarryingRobot | None, start: Sequence[float], parameters: Mapping[str, Any]
 ) -> GovernedArm | None:
-    """Creates the robot that a node governs; None: its joints are not commanded.
+    """Creates the robot that the governor moves; None if no robot is given.
 
     Args:
         robot: the description, with the user's limits.
@@ -92,7 +92,7 @@ def joint_command(
     positions: Sequence[float],
     velocities: Sequence[float],
 ) -> Command:
-    """Creates a command from joint positions, velocities, or both.
+    """Creates a command from joint positions, velocities, or both, by joint name.
 
     Args:
         stamp_ns: of the message [ns]; 0: it has none.

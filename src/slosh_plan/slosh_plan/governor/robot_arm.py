@@ -1,4 +1,4 @@
-"""The robot whose joints a governor moves: its chain, its limits and where it starts."""
+"""The robot that a governor moves: kinematics, joint limits and initial joint positions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NO_JOINTS = np.zeros((0, layout.JOINT))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GovernedArm:
-    """A robot that carries the containers, as the governor moves it.
+    """A robot that carries the containers: kinematics, joint limits and initial positions.
 
     Attributes:
         arm: its kinematics; the link is the container, or the tray.
@@ -44,11 +44,11 @@ class GovernedArm:
         limits.check_positions(np.asarray(self.start)[np.newaxis], "joint states")
 
     def __deepcopy__(self, _: dict[int, object]) -> GovernedArm:
-        """Returns itself: nothing in it changes, and kinematics cannot be copied."""
+        """Returns the object itself, which is immutable and whose kinematics cannot be copied."""
         return self
 
     def at(self, start: Array) -> GovernedArm:
-        """Returns the robot with another start.
+        """Returns a copy of the robot with other initial joint positions.
 
         Raises:
             SloshPlanError: it is outside of the limits.
@@ -57,7 +57,7 @@ class GovernedArm:
 
     @property
     def chain(self) -> Array:
-        """Joints and the link behind them, (J + 1, JOINT); see `layout`."""
+        """Joints of the robot as array (J + 1, JOINT), the carried link last; see `layout`."""
         links, end = self.arm.chain()
         table = np.zeros((len(links) + 1, layout.JOINT))
         for row, link in zip(table, links, strict=False):
@@ -69,7 +69,7 @@ class GovernedArm:
 
     @property
     def bounds(self) -> Array:
-        """Limits (5, J) of each joint; see `layout.LOWER`."""
+        """Limits (5, J) of each joint: lower, upper, velocity, acceleration, jerk."""
         one = self.limits
         slack = 1e-6  # rounding of who reported the start
         return np.stack(
@@ -81,7 +81,7 @@ class GovernedArm:
         )  # fmt: skip
 
     def usable(self, target: Sequence[float]) -> bool:
-        """Whether joint positions are a possible target; a little beyond the limits is at them."""
+        """Whether joint positions are finite and at most slightly outside of the joint limits."""
         beyond = TUNING.governor_beyond
         place = np.array(target, dtype=np.float64)
         inside = (place >= self.limits.lower - beyond) & (place <= self.limits.upper + beyond)
@@ -89,7 +89,7 @@ class GovernedArm:
 
 
 def _place(row: Array, link: Link) -> None:
-    """Fills a row of the chain; a rotation by an angle is n nᵀ + cos (1 - n nᵀ) + sin [n]."""
+    """Stores a joint's axis, offset and rotation matrices in a row of the kinematic table."""
     row[layout.SLIDES] = link.slides
     row[layout.TIMES], row[layout.OFFSET] = link.multiplier, link.offset
     rotation, (x, y, z) = link.placement[:9].reshape(3, 3), link.axis
@@ -104,7 +104,7 @@ def _place(row: Array, link: Link) -> None:
 
 
 def with_defaults(limits: JointLimits, acceleration: float, jerk: float) -> JointLimits:
-    """Returns joint limits with finite accelerations and jerks.
+    """Returns joint limits in which missing acceleration and jerk limits have default values.
 
     Args:
         limits: of the description and of MoveIt's joint_limits.yaml.

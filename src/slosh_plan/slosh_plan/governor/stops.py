@@ -1,4 +1,4 @@
-"""Compiled candidates of the governor's next motion: the held stop, laws, and shares of a command.
+"""Compiled candidate motions of the governor: the stored stop, or part of a command and a stop.
 
 The governor holds a *stop*: accelerations of the coordinates at the rows of a time grid, linear
 between them, that bring the container to rest. A candidate makes one step, of which a share is the
@@ -51,7 +51,7 @@ STILL = 1e-6
 
 @compiled
 def grid(state, settings, count, intervals, times):  # type: ignore[no-untyped-def]
-    """Writes the times of a candidate motion's samples after the next step, and their intervals.
+    """Computes the sample times of candidate motions and their intervals [s].
 
     Returns the stop's row that is the candidate's row 2.
     """
@@ -69,13 +69,13 @@ def grid(state, settings, count, intervals, times):  # type: ignore[no-untyped-d
 
 @compiled
 def _held(state, stop, row, k):  # type: ignore[no-untyped-def]
-    """Returns the acceleration of the stored safe stop at a sample; 0 after its end."""
+    """Returns the acceleration of coordinate k in the stored safe stop; 0 after the stop's end."""
     return stop[row, k] if row < state[ROWS] else 0.0
 
 
 @compiled
 def next_held(motion, state, stop, settings, found):  # type: ignore[no-untyped-def]
-    """Writes the acceleration of the stored safe stop at the next step."""
+    """Computes the accelerations (D,) of the stored safe stop one step ahead."""
     left = settings[SUBDIVISION] - state[SUBSTEP]
     for k in range(found.shape[0]):
         later = _held(state, stop, 1, k)
@@ -84,7 +84,7 @@ def next_held(motion, state, stop, settings, found):  # type: ignore[no-untyped-
 
 @compiled
 def _add_law(velocity, acceleration, law, times, rows):  # type: ignore[no-untyped-def]
-    """Adds a law that reduces velocity and acceleration to 0; see `stopping`, `_Moving.law`.
+    """Adds accelerations that bring a given velocity and acceleration to 0; returns the end row.
 
     The law is in the rows from 2 on, its first value in row 1; returns the rows up to its end. Its
     integral by the rows is exactly the velocity.
@@ -122,7 +122,7 @@ def _add_law(velocity, acceleration, law, times, rows):  # type: ignore[no-untyp
 
 @compiled
 def candidate(motion, state, stop, settings, plan, wanted, held, first, times, rows):  # type: ignore[no-untyped-def]
-    """Writes the samples of a candidate motion; returns their number until it is at rest."""
+    """Computes a candidate motion's accelerations; returns the number of samples until rest."""
     dt, share = settings[PERIOD], plan[PART]
     law = (plan[LAW], plan[LAW + 1], plan[LAW + 2])
     size = rows.shape[1]
@@ -149,7 +149,7 @@ def candidate(motion, state, stop, settings, plan, wanted, held, first, times, r
 
 @compiled
 def _variant(state, settings, turn):  # type: ignore[no-untyped-def]
-    """Returns a variation of the last good time law; each step tries other variations.
+    """Returns duration [s] and two shape parameters of a stop, a variation of the last one.
 
     Not shorter than LEAST: a stop of few steps takes all of the jerk even at a low speed, and one
     that is a little longer takes it, too, with the acceleration of the next step.
@@ -169,7 +169,7 @@ def _variant(state, settings, turn):  # type: ignore[no-untyped-def]
 
 @compiled
 def make_plans(state, settings, block, follow, plans, best):  # type: ignore[no-untyped-def]
-    """Writes the candidates that are simulated together.
+    """Chooses the candidate motions of one round: shares of the command and shapes of the stop.
 
     All of the command with various stops; shares of it with the lowest of them, down to nothing;
     the held stop and others from now on, in a stop shorter ones.
@@ -195,7 +195,7 @@ def make_plans(state, settings, block, follow, plans, best):  # type: ignore[no-
 
 @compiled
 def take(motion, state, stop, settings, rows, end):  # type: ignore[no-untyped-def]
-    """Makes a step along a candidate motion, which becomes the stored safe stop."""
+    """Advances the motion one step along a candidate, whose rest becomes the stored safe stop."""
     dt, per_row = settings[PERIOD], settings[SUBDIVISION]
     for k in range(rows.shape[1]):
         now, following = motion[RATE, k], rows[1, k]
@@ -215,7 +215,7 @@ def take(motion, state, stop, settings, rows, end):  # type: ignore[no-untyped-d
 
 @compiled
 def trimmed(motion, state, stop, settings):  # type: ignore[no-untyped-def]
-    """Removes samples at rest from the end of the stop; returns the time until rest [s]."""
+    """Removes samples at rest from the end of the stored stop; returns its duration [s]."""
     count = int(state[ROWS])
     while count > 1 and not (stop[count - 1] != 0.0).any():
         count -= 1

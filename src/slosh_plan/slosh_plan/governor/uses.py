@@ -1,4 +1,4 @@
-"""Compiled shares of its limits that a container uses in a motion and the stop after it.
+"""Compiled fractions of a container's limits (height, friction, tipping) that a motion reaches.
 
 Heights come from `slosh_model.batch_kernel`, a lane for each model and candidate. What a loosely
 standing container needs of friction and of its base is computed as in
@@ -51,7 +51,7 @@ LEAST = 1e-3
 def _simulated(  # type: ignore[no-untyped-def]
     stores, cup, driven, which, models, intervals, count, ceiling, heights
 ):
-    """Writes the wall heights of some models in some candidates, a lane for each.
+    """Simulates the wall heights of several models in several candidate motions.
 
     Returns:
         for how many rows: fewer than `count` after a height beyond the ceiling [m].
@@ -78,7 +78,7 @@ def _simulated(  # type: ignore[no-untyped-def]
 
 @compiled
 def _at_any_phase(run, x, y):  # type: ignore[no-untyped-def]
-    """Returns the greatest height on the wall [m] of two waves whose crests may meet anyhow.
+    """Returns the largest wall height [m] of waves along x and y whose phases are unknown.
 
     Args:
         run: the container's record of `layout.RUN`.
@@ -95,7 +95,7 @@ def _at_any_phase(run, x, y):  # type: ignore[no-untyped-def]
 
 @compiled
 def _highest(heights, count, end, run, mode):  # type: ignore[no-untyped-def]
-    """Returns the greatest height of a lane; infinite where one is unknown.
+    """Returns the largest wall height [m] of one simulation; inf if a height is unknown.
 
     After a stop waves along two axes with different frequencies may meet with their crests at any
     time: the highest of both add.
@@ -122,7 +122,7 @@ def _highest(heights, count, end, run, mode):  # type: ignore[no-untyped-def]
 
 @compiled
 def _displacements(store, heights, felt, count, placed):  # type: ignore[no-untyped-def]
-    """Writes the displacement of the first mode's mass at each sample, from the wall heights.
+    """Computes the displacement of the first mode's mass at each sample from the wall heights.
 
     In the axes of the mode.
     """
@@ -143,7 +143,7 @@ def _displacements(store, heights, felt, count, placed):  # type: ignore[no-unty
 
 @compiled
 def _curvature(intervals, count, weights):  # type: ignore[no-untyped-def]
-    """Writes the weights of three neighbours in time that give the second derivative."""
+    """Computes finite-difference weights of the second derivative for unequal intervals."""
     for row in range(1, count - 1):
         before, behind = intervals[row - 1], intervals[row]
         weights[row, 0] = 2.0 / (before * (before + behind))
@@ -153,7 +153,7 @@ def _curvature(intervals, count, weights):  # type: ignore[no-untyped-def]
 
 @compiled
 def _pressures(felt, axes, count, pushing, pressing):  # type: ignore[no-untyped-def]
-    """Writes what accelerates a container on its tray, and what presses it on.
+    """Computes horizontal and vertical acceleration of a container that stands on a tray.
 
     Args:
         felt: (rows, 3) the acceleration at the centre of mass [m/s²].
@@ -172,7 +172,7 @@ def _pressures(felt, axes, count, pushing, pressing):  # type: ignore[no-untyped
 
 @compiled
 def _standing(cup, placed, pushing, weights, pressing, count):  # type: ignore[no-untyped-def]
-    """Returns the largest shares of friction and base that a lane uses; see `standing_use`."""
+    """Returns the largest fractions of friction and support base that a motion uses."""
     slip = tip = 0.0
     for row in range(1, count - 1):
         force, inverse = pressing[row, 0], pressing[row, 1]
@@ -193,7 +193,7 @@ def _standing(cup, placed, pushing, weights, pressing, count):  # type: ignore[n
 
 @compiled
 def _raised(values, models, settings):  # type: ignore[no-untyped-def]
-    """Returns the greatest of some models' answers, raised for those between all of them.
+    """Returns the largest value of several models, with a margin for models between them.
 
     Of fewer models it is never greater than of all.
     """
@@ -210,7 +210,7 @@ def _raised(values, models, settings):  # type: ignore[no-untyped-def]
 def add_uses(  # type: ignore[no-untyped-def]
     stores, cup, driven, which, models, ends, intervals, count, settings, whole, uses
 ):
-    """Writes what some candidates use of a container's limits, by some of its models.
+    """Stores in `uses` the fractions of a container's limits that candidate motions reach.
 
     Args:
         stores: (MODELS, …) of the container at this moment.

@@ -28,7 +28,7 @@ MINUTE = 60.0
 
 
 class Law(Protocol):
-    """Interface of a normalised time law of a stroke."""
+    """Interface of a time law: normalised position of a stroke against normalised time."""
 
     def acceleration(self, u: Array) -> Array:
         """Returns the second derivative at normalised times; 0 outside the range 0 to 1."""
@@ -36,7 +36,7 @@ class Law(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class NamedLaw:
-    """One of the packaging laws of `slosh_model.motion_profiles`, for comparison.
+    """One of the standard time laws of `slosh_model.motion_profiles`, for comparison.
 
     Attributes:
         name: one of LAWS.
@@ -63,7 +63,7 @@ class Stroke:
     ratio: float
 
     def cycle(self, speed: float) -> float:
-        """Duration of a cycle [s] at a speed [1/min]."""
+        """Duration of a stroke and the dwell after it [s], at a speed [cycles/min]."""
         return MINUTE / speed
 
     def duration(self, speed: float) -> float:
@@ -185,7 +185,7 @@ def _program(
     size = 2 * COUNT + 2
 
     def rows(block: Array, column: int | None, least: Array) -> tuple[Array, Array]:
-        """Returns the rows of |block · weights + least| ≤ bound: a column's unknown, or 1."""
+        """Returns constraint rows |block · weights + least| ≤ the unknown `column`, or ≤ 1."""
         full = np.zeros((2 * len(block), size))
         full[:, :COUNT] = np.concatenate([block, -block])
         bound = np.concatenate([-least, least])

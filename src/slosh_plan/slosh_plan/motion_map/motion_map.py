@@ -25,7 +25,7 @@ MOST = 400
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapRow:
-    """The stroke's time law at one speed of the map.
+    """The stroke's time law at one machine speed of the map.
 
     Attributes:
         speed: of the machine [1/min].
@@ -177,7 +177,7 @@ def _approach(
     rows: list[MapRow],
     checked: list[tuple[float, StrokeHeights]],
 ) -> str:
-    """Adds the highest safe speed below an unsafe one, found by bisection.
+    """Finds the highest safe speed below an unsafe one by bisection, and adds it to the map.
 
     Returns:
         in words what exceeds a limit just above it; empty: nothing was tried.

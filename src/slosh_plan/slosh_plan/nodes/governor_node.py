@@ -90,7 +90,7 @@ class GovernorNode(PreparedNode):
         governor_of(self._tray, self._values)
 
     def begin(self) -> None:
-        """Starts the steps of the governor."""
+        """Starts the timer that advances the governor at its fixed rate."""
         self._container = ContainerWatch(self, self._tray, self._on_container)
         self._renew()
         values, stream = self._values, qos.STREAM_OUT
@@ -121,7 +121,7 @@ class GovernorNode(PreparedNode):
         self.create_timer(1.0 / values["rate"], self._step)
 
     def _renew(self, stamp_ns: int = 0) -> None:
-        """Starts a governor for the gripper's present content, at the robot's present position."""
+        """Creates a governor for the gripper's containers and the robot's present position."""
         tray = self._container.tray
         held = tray if tray.present else tray.first.model
         try:
@@ -186,7 +186,7 @@ class GovernorNode(PreparedNode):
 
     @property
     def _is_elsewhere(self) -> bool:
-        """Whether others have moved the robot while the governor was at rest."""
+        """Whether the robot was moved by another program while the governor was at rest."""
         if self._robot is None or self._joints.missing:
             return False
         core = self._core
@@ -196,7 +196,7 @@ class GovernorNode(PreparedNode):
         return bool(core.rests and apart > TUNING.governor_moved)
 
     def _on_container(self) -> None:
-        """Stops the motion; the governor for the next containers starts at rest."""
+        """After a change of the container, stops; a new governor then starts at rest."""
         self._waits = True
         if self._core is not None:
             self._core.stop()

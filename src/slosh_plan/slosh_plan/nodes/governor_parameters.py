@@ -14,40 +14,42 @@ PARAMETERS = (
     ParameterSpec(
         "model", "", "model file of the container and its liquid (model.yaml), or tray.yaml"
     ),
-    ParameterSpec("limit", 0.02, "limit of the height [m]; 0: the rim alone", (0.0, 1.0)),
+    ParameterSpec("limit", 0.02, "limit of the wave height [m]; 0: the rim alone", (0.0, 1.0)),
     ParameterSpec(
         "rim_distance", 0.0,
         "least distance of the liquid to the rim [m]; 0: the rim itself", (0.0, 1.0),
     ),
     ParameterSpec(
-        "max_acceleration", ACCELERATION, "limit of the acceleration [m/s²]", (0.01, 100.0)
+        "max_acceleration", ACCELERATION,
+        "limit of the container's acceleration [m/s²]", (0.01, 100.0)
     ),
-    ParameterSpec("max_jerk", JERK, "limit of the jerk [m/s³]", (0.1, 10_000.0)),
-    ParameterSpec("rate", 100.0, "steps and messages per second", (20.0, 1000.0)),
+    ParameterSpec("max_jerk", JERK, "limit of the container's jerk [m/s³]", (0.1, 10_000.0)),
+    ParameterSpec("rate", 100.0, "rate of the steps and of the output [Hz]", (20.0, 1000.0)),
     ParameterSpec(
         "timeout", TUNING.governor_timeout,
         "age after which a command is no longer followed [s]", (0.01, 10.0),
     ),
     ParameterSpec(
         "frequency_error", ModelDoubt().frequency,
-        "largest relative error of the model's natural frequency", (0.0, 0.3),
+        "error of the natural frequency that is allowed for, relative", (0.0, 0.3),
     ),
     ParameterSpec(
         "damping_factor", ModelDoubt().damping,
-        "factor by which the damping may be larger or smaller", (1.0, 10.0),
+        "factor by which the liquid's damping may be larger or smaller than the model's",
+        (1.0, 10.0),
     ),
     ParameterSpec(
-        "friction", 1.0, "share of the friction that loosely standing containers may use",
-        (0.01, 1.0),
+        "friction", 1.0,
+        "share of the available friction that loosely standing containers may use", (0.01, 1.0),
     ),
     ParameterSpec(
         "tipping", 1.0, "share of the base's radius that the centre of pressure of loosely "
         "standing containers may use", (0.01, 1.0),
     ),
     ParameterSpec(
-        "command", "twist", "kind of the commands", choices=tuple(topics.COMMANDING)
+        "command", "twist", "type of the commands to follow", choices=tuple(topics.COMMANDING)
     ),
-    ParameterSpec("world_frame", "world", "frame of the commands, on all output"),
+    ParameterSpec("world_frame", "world", "frame of the commands and of all output"),
     ParameterSpec("urdf", "", "URDF file of the robot, for commands of joints"),
     ParameterSpec("tool_frame", "", "link of the robot that is the container or tray"),
     JOINT_LIMITS,

@@ -1,4 +1,4 @@
-"""Follows changes of the container in the gripper, for predictor and planner."""
+"""Follows changes of the container in the gripper, for the predictor and the planner."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from slosh_msgs_py import qos, topics
 
 
 class ContainerWatch:
-    """Follows the gripper's content: one container, or a tray.
+    """Keeps the description of what the gripper holds: one container, or a tray of containers.
 
     Args:
         node: the node.
@@ -39,7 +39,7 @@ class ContainerWatch:
 
     @property
     def described(self) -> str:
-        """Describes the gripper's content in one line."""
+        """Describes the container or tray in the gripper in one line."""
         if not self.tray.is_tray:
             return self._described
         pairs = (f"{one.name} {one.model.container.described}" for one in self.tray.present)

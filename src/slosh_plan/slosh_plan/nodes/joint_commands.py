@@ -25,7 +25,7 @@ _RATE, _CHANGE, _PLACE = range(3)
 
 
 class JointTopics(NamedTuple):
-    """Topics and messages of one kind of joint commands.
+    """Topic names, message type and conversions for one kind of joint command.
 
     Attributes:
         desired, safe: names of the topics of commands and of what is passed on.
@@ -175,7 +175,7 @@ class JointPlaces:
 
     @property
     def missing(self) -> list[str]:
-        """Names of joints whose position is not known yet."""
+        """Names of the joints whose position was not received yet."""
         return [name for name in self._joints if name not in self._known]
 
     @property

@@ -125,13 +125,13 @@ class NewestEstimate:
         return self._last.get(kind)
 
     def _age(self, message: Any) -> float:
-        """Returns the age of a message [s] by its stamp."""
+        """Returns the age of a message [s]: the present time minus its stamp."""
         now = self._node.get_clock().now().nanoseconds
         return float(now - to_nanoseconds(message.header.stamp)) / SECOND
 
 
 def _check_flags(flags: int) -> None:
-    """Raises SloshEstimatorError if an estimate's flags say that its state is not the liquid's."""
+    """Raises SloshEstimatorError if an estimate's flags mark its liquid state as invalid."""
     unknown = EstimateFlag(flags) & UNKNOWN
     if unknown:
         raise SloshEstimatorError(

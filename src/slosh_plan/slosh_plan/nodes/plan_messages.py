@@ -45,7 +45,7 @@ MOST_WAYPOINTS = 5_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RequestedPath:
-    """The path that a planning request contains.
+    """The path in a planning request: waypoints of the container or of the joints.
 
     Attributes:
         waypoints: of the container; None: the joints' path is given.
@@ -57,11 +57,11 @@ class RequestedPath:
 
     @property
     def attitude(self) -> Array | None:
-        """Attitude (4,) of the container, or None if upright or determined by joints."""
+        """Attitude quaternion (4,) of the container; None if upright or given by the joints."""
         return None if self.waypoints is None else self.waypoints.attitude
 
     def path(self, model: Model, stopped: Callable[[], bool]) -> Path:
-        """Returns the smooth path through the waypoints.
+        """Returns the smooth path through the requested waypoints.
 
         Raises:
             SloshPlanError: there is none.
@@ -80,7 +80,7 @@ def points_of(request: Any) -> tuple[Any, Any]:
 
 
 def path_of(request: Any, robot: CarryingRobot | None) -> RequestedPath:
-    """Reads the path from a planning request.
+    """Reads the path of a planning request (PlanRequest.msg).
 
     Args:
         request: of the service or the action.
@@ -141,7 +141,7 @@ def _kept(attitude: Array) -> Array:
 
 
 def limits_of(request: Any) -> PlanLimits:
-    """Reads the limits from a planning request.
+    """Reads the motion limits of a planning request (PlanRequest.msg).
 
     Raises:
         SloshPlanError: a limit that is none.
@@ -162,7 +162,7 @@ def limits_of(request: Any) -> PlanLimits:
 
 
 def plan_message(answer: Plan, request: Any, asked: RequestedPath) -> MotionPlan:
-    """Creates the MotionPlan message of a plan."""
+    """Creates the MotionPlan message that describes a plan."""
     found, upper = answer.found, answer.upper or (math.nan, math.nan)
     places = np.empty((0, 3)) if asked.waypoints is None else asked.waypoints.position
     run = execution_of(found.motion, places)

@@ -44,11 +44,13 @@ PARAMETERS = (
         "model", "", "model.yaml of the container and its liquid, or tray.yaml of several"
     ),
     ParameterSpec(
-        "time_limit", TIME_LIMIT, "time limit of an action's search, if its goal has none [s]",
+        "time_limit", TIME_LIMIT,
+        "longest search of the planning action, if its goal states none [s]",
         (0.1, LONGEST),
     ),
     ParameterSpec(
-        "service_time_limit", 5.0, "time limit of the service, until its reply [s]", (0.1, 60.0)
+        "service_time_limit", 5.0,
+        "longest time until the planning service replies [s]", (0.1, 60.0)
     ),
     ParameterSpec(
         "robust", False,
@@ -101,7 +103,7 @@ class PlannerNode(PreparedNode):
             load_telling(progress, module)
 
     def begin(self) -> None:
-        """Starts the service and the action."""
+        """Starts the planning service and the planning action."""
         self._container = ContainerWatch(self, self._tray, self._on_container)
         self._settings.publish(self._container.files)
         self._estimate = NewestEstimate(self)
@@ -120,12 +122,12 @@ class PlannerNode(PreparedNode):
         )  # fmt: skip
 
     def _on_container(self) -> None:
-        """Applies a change of the container to the next requests."""
+        """Uses a changed container for all later planning requests."""
         now_ns = int(self.get_clock().now().nanoseconds)
         self._settings.publish(self._container.files, now_ns)
 
     def close(self) -> None:
-        """Stops a running plan and the action."""
+        """Stops a running plan and closes the planning action."""
         self._closing.set()
         if self._busy.acquire(timeout=CLOSING):
             self._busy.release()
@@ -166,7 +168,7 @@ class PlannerNode(PreparedNode):
     def _answer(
         self, request: Any, answer: Any, longest: float, watch: Watch, most: int | None = None
     ) -> None:
-        """Plans a motion and writes success, message and plan, with at most `most` samples."""
+        """Plans a motion and fills the response; the plan has at most `most` samples."""
         self._large.add(max(map(len, plan_messages.points_of(request))))
         try:
             if not self._busy.acquire(blocking=False):
@@ -249,7 +251,7 @@ class GoalFeedback:
 
     @property
     def cancelled(self) -> bool:
-        """Whether the client has cancelled the goal."""
+        """Whether the client has cancelled the action goal."""
         return bool(self._goal.is_cancel_requested)
 
 

@@ -85,7 +85,7 @@ def horizon_of(request: Any) -> float | None:
 
 
 def fill(response: Any, prediction: Prediction) -> None:
-    """Writes a prediction into a response."""
+    """Writes a prediction into the response of the prediction service."""
     linear, nonlinear = prediction.linear, prediction.nonlinear
     response.peak_linear, response.peak_nonlinear = linear.peak, nonlinear.peak
     response.peak_time, response.azimuth = nonlinear.peak_time, nonlinear.azimuth
@@ -99,14 +99,14 @@ def fill(response: Any, prediction: Prediction) -> None:
 
 
 def fill_unknown(response: Any) -> None:
-    """Sets all numbers of a failed response to NaN."""
+    """Sets all numbers of a failed prediction's response to NaN."""
     for name, kind in response.get_fields_and_field_types().items():
         if kind == "double":
             setattr(response, name, math.nan)
 
 
 def fill_scales(response: Any, scales: SafeScales) -> None:
-    """Writes the safe time scales into a response."""
+    """Writes the safe time scales into the response of the prediction service."""
     response.time_scale = scales.safe_from
     response.safe_from = [low for low, _ in scales.intervals]
     response.safe_to = [high for _, high in scales.intervals]

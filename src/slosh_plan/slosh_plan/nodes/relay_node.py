@@ -116,7 +116,7 @@ class RelayNode(PreparedNode):
             load_telling(progress, module)
 
     def begin(self) -> None:
-        """Starts to accept and relay goals."""
+        """Starts to accept goals of joint trajectories and to relay them."""
         self._container = ContainerWatch(self, self._tray, lambda: None)
         self._settings.publish(self._container.files)
         self._estimate = NewestEstimate(self)
@@ -129,7 +129,7 @@ class RelayNode(PreparedNode):
         )  # fmt: skip
 
     def close(self) -> None:
-        """Ends all waiting; the controller continues its present goal."""
+        """Stops waiting for the controller, which continues its present goal."""
         self._closing.set()
         if hasattr(self, "_server"):
             self._server.destroy()
@@ -238,7 +238,7 @@ class RelayNode(PreparedNode):
         return future.result()
 
     def _gone(self) -> Callable[[], bool]:
-        """Returns a function that returns whether the controller has been away for too long."""
+        """Returns a function that tells whether the controller has been away for too long."""
         seen = [time.monotonic()]
 
         def look() -> bool:

@@ -52,7 +52,7 @@ class Relayed(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class RelayRules:
-    """Rules by which goals are checked.
+    """Rules by which the relay accepts, slows or refuses joint trajectories.
 
     Attributes:
         robot: whose joints move.
@@ -68,7 +68,7 @@ class RelayRules:
 
     @property
     def heights(self) -> HeightLimits:
-        """The height limits alone, without joint limits."""
+        """The limits of the liquid's height, without the joint limits."""
         limits = self.limits
         return HeightLimits(limits.height, limits.residual, rim_distance=limits.rim_distance)
 

@@ -13,8 +13,8 @@ TOOL_AND_GROUP: Final = (
     ),
     ParameterSpec(
         "group", "",
-        "group of the SRDF whose joints are planned; other joints that carry the container keep "
-        "the given position, or 0 without one; empty: all joints are planned",
+        "joint group of the SRDF that is planned; other joints that carry the container stay at "
+        "the position given for them, or at 0; empty: all joints are planned",
     ),
 )  # fmt: skip
 JOINT_LIMITS: Final = ParameterSpec(

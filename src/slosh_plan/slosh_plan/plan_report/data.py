@@ -1,4 +1,4 @@
-"""Content of a plan's page and JSON document."""
+"""Content of the HTML page and of the JSON document about a plan."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class ShownMotion:
 
     @property
     def acceleration(self) -> Array:
-        """Magnitude (N,) of the acceleration [m/s²]."""
+        """Magnitude (N,) of the container's acceleration [m/s²]."""
         return np.asarray(np.linalg.norm(self.found.motion.acceleration, axis=1))
 
     @property
@@ -51,7 +51,7 @@ class ShownMotion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanReport:
-    """A plan with other motions for comparison.
+    """A plan, with other motions along the same path for comparison.
 
     Attributes:
         plan: the plan.

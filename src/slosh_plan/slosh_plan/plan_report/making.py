@@ -21,7 +21,7 @@ PLANNED, PROPOSAL = "planned", "the waypoints’ own times"
 
 
 def make_report(model: Model, plan: Plan, waypoints: Waypoints, subtitle: str = "") -> PlanReport:
-    """Creates the content of a plan's page.
+    """Creates the content of the HTML page about a plan.
 
     Args:
         model: with which it was planned.
@@ -70,7 +70,7 @@ def proposed_motion(waypoints: Waypoints) -> PlannedMotion:
 
 
 def height_band(model: Model, found: CheckedMotion, attitude: Array | None) -> Array | None:
-    """Returns lower and upper heights from the parameters' covariance; None if there is none.
+    """Returns the 95 % band of heights by the parameters' covariance; None without covariance.
 
     Along each principal axis of the covariance the model is simulated two standard errors to
     either side, and what the heights rise and fall by adds up as squares. It is not linearised: a

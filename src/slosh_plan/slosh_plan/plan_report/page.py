@@ -59,7 +59,7 @@ WIDE_LABELS = 0.8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChartSeries:
-    """Data of a chart over time.
+    """Data of one chart over time: a curve for each motion, and a limit.
 
     Attributes:
         label: of the axis, with the unit.
@@ -75,7 +75,7 @@ class ChartSeries:
 
 
 def drawn(report: PlanReport) -> list[ShownMotion]:
-    """Returns the motions for the time charts, without those that take much longer."""
+    """Returns the motions to draw over time, without those much longer than the planned one."""
     longest = LONGER * report.scaled.found.motion.duration
     return [one for one in report.motions if one.found.motion.duration <= longest]
 

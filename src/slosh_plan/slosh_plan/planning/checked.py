@@ -99,7 +99,7 @@ def horizon(model: Model) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Checker:
-    """Simulates motions that start from rest.
+    """Simulates planned motions that start with liquid at rest, to check their limits.
 
     Attributes:
         model: the model.
@@ -150,12 +150,12 @@ class Checker:
         ]
 
     def glance(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
-        """Simulates motions without parameter uncertainty, as a lower bound."""
+        """Simulates motions without parameter uncertainty, as quick lower bound of heights."""
         return replace(self, model=replace(self.model, covariance=None))(motions)
 
 
 def _higher(one: CheckedMotion, other: CheckedMotion) -> CheckedMotion:
-    """Raises a motion's upper heights and shares to those of another model, if higher."""
+    """Raises a motion's upper bounds of heights and shares to another model's, where higher."""
     return replace(
         one,
         upper=max(one.upper, other.peak),
@@ -174,7 +174,7 @@ def _squared(one: CheckedMotion, other: CheckedMotion) -> tuple[float, float]:
 def checked(
     model: Model, motions: Sequence[PlannedMotion], attitude: Array | None
 ) -> list[CheckedMotion]:
-    """Simulates motions that start from rest.
+    """Simulates motions that start with liquid at rest; returns their maximum heights.
 
     Args:
         model: the model.

@@ -46,7 +46,7 @@ class LegUnknowns:
 
     @classmethod
     def after(cls, begin: int, count: int, layout: StateLayout) -> LegUnknowns:
-        """Creates the indices of `count` intervals, starting at the index `begin`."""
+        """Creates the indices of the unknowns of `count` intervals, from index `begin` on."""
         shapes = ((count + 1, layout.size), (count, layout.driven), (count, layout.waves))
         arrays, at = [], begin + 1
         for shape in shapes:
@@ -56,7 +56,7 @@ class LegUnknowns:
 
     @property
     def end(self) -> int:
-        """Index after the last unknown of the leg."""
+        """Index after the last unknown of this leg of the path."""
         return int(self.middles[-1, -1]) + 1
 
     @property

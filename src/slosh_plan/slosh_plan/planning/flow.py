@@ -26,7 +26,7 @@ Expression = Any
 
 
 def casadi() -> Any:
-    """Imports CasADi when it is first used."""
+    """Imports the library CasADi when it is first used, since it is optional."""
     return importlib.import_module("casadi")
 
 
@@ -131,7 +131,7 @@ class Flow:
 
 
 def flow_of(model: Model) -> Flow:
-    """Creates the equations of a model's first mode."""
+    """Creates the equations of a model's first sloshing mode for the optimisation."""
     mode = model.mode_constants()[0]
     acting = model.acting
     curved = acting.get("surface_nonlinearity")

@@ -59,7 +59,7 @@ class StateLayout:
 
     @property
     def size(self) -> int:
-        """Number of entries of the state."""
+        """Number of entries of a node's state vector."""
         return CHAIN * self.driven + self.waves
 
     @property
@@ -80,13 +80,13 @@ class StateLayout:
 
     @property
     def liquid(self) -> slice:
-        """Indices of the liquids in the state."""
+        """Indices of the states of each liquid in a node's state vector."""
         return slice(self.size - self.waves, self.size)
 
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """The constraints of one time interval of a leg.
+    """The optimisation constraints of one time interval of a leg of the path.
 
     Its unknowns are the leg's duration, the states at both ends, the controls and the liquid
     half-way, one below the other.
@@ -189,7 +189,7 @@ class Interval:
         return zero, kept
 
     def _parts(self, unknowns: Expression) -> tuple[Expression, list[Expression], Expression, Any]:
-        """Splits the unknowns: time step, end states, controls, the liquid's middle state (SI)."""
+        """Splits an interval's unknowns: time step, end states, controls, middle liquid state."""
         ca = casadi()
 
         layout = self.layout
@@ -233,7 +233,7 @@ class Interval:
         return ca.vertcat(*rates), kept
 
     def _felt(self, full: Expression, acceleration: Expression, curve: Expression) -> Expression:
-        """Returns the acceleration of the liquid in container axes, with gravity if it tilts."""
+        """Returns the liquid's acceleration in container axes, with gravity if tilt is allowed."""
         ca = casadi()
 
         if self.joints is not None:
@@ -284,7 +284,7 @@ def _later(chain: list[Expression], third: Expression, t: Expression) -> list[Ex
 
 
 def _jerk(curve: Expression, at: Expression, third: Expression) -> Expression:
-    """Returns the jerk d³x/dt³ in world axes."""
+    """Returns the container's jerk d³x/dt³ in world axes [m/s³]."""
     tangent, bend, change = casadi().vertsplit(curve, 3)
     return tangent * third + 3 * bend * at[1] * at[2] + change * at[1] ** 3
 

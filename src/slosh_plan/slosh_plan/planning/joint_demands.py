@@ -75,7 +75,7 @@ class JointDemands:
     def jerks(
         self, curve: Expression, at: list[Expression], third: Expression, shares: Expression
     ) -> list[Expression]:
-        """Returns the constraints on joint jerks.
+        """Returns the constraints on the jerks of the joints.
 
         Args:
             curve: the columns at a place.

@@ -148,7 +148,7 @@ def _carried(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointMotion:
-    """Motion of the robot's joints.
+    """Motion of the robot's joints: positions, velocities, accelerations over time.
 
     Attributes:
         limits: of the joints, and their names.

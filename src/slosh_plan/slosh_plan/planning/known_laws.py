@@ -1,4 +1,4 @@
-"""Finds the fastest of several known time laws that keeps all limits.
+"""Finds the fastest of several standard time laws that keeps all limits.
 
 Whether a law is safe is not monotone in its duration: waves of its parts add up or cancel. So the
 durations are gone through from the fastest that acceleration and jerk allow, and each is
@@ -78,7 +78,7 @@ UNIT_LAWS: Mapping[str, UnitLaw] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class KnownLaw:
-    """A known time law on every leg of a path, for any duration.
+    """A standard time law on every leg of a path, for any duration.
 
     Attributes:
         path: the path.
@@ -110,7 +110,7 @@ class KnownLaw:
 
 @dataclass(frozen=True, slots=True)
 class Scaled:
-    """A known time law, slowed until its motion exceeds no limit.
+    """A standard time law, slowed until its motion exceeds no limit.
 
     Attributes:
         law: its name.
@@ -124,7 +124,7 @@ class Scaled:
 
 
 def known_laws(path: Path) -> dict[str, KnownLaw]:
-    """Returns the known time laws along a path, by name."""
+    """Returns the standard time laws along a path (trapezoid, polynomials and others), by name."""
     paces = PACES if any(curved(leg) for leg in path.legs) else {"": PACES[""]}
     found: dict[str, KnownLaw] = {}
     for words, pace in paces.items():
@@ -136,7 +136,7 @@ def known_laws(path: Path) -> dict[str, KnownLaw]:
 def best_scaled(
     check: Checker, path: Path, limits: PlanLimits, watch: Watch | None = None
 ) -> Scaled | None:
-    """Returns the fastest known law that keeps the limits; None if none does.
+    """Returns the fastest standard time law that keeps the limits; None if none does.
 
     Where the watch is stopped, the fastest so far.
     """

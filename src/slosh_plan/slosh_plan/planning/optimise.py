@@ -33,7 +33,7 @@ _OPTIONS = {
 
 
 def available() -> bool:
-    """Returns whether CasADi is installed."""
+    """Returns whether the library CasADi is installed."""
     return importlib.util.find_spec("casadi") is not None
 
 
@@ -56,7 +56,7 @@ class LegGuess:
 
     @property
     def tilts(self) -> bool:
-        """Whether the container tilts."""
+        """Whether the container tilts in the initial guess."""
         return len(self.controls[0]) > 1
 
     def slowed(self, factor: float) -> LegGuess:
@@ -133,7 +133,7 @@ class PathSearch:
         seconds: float,
         stop: Callable[[], bool] = never,
     ) -> PathSolution:
-        """Solves the optimisation from an initial guess.
+        """Solves the optimisation from an initial guess; returns motion and status.
 
         Args:
             limits: to be kept.

@@ -82,12 +82,12 @@ class Path:
 
     @property
     def length(self) -> float:
-        """Length of all legs [m]."""
+        """Total length of all legs of the path [m]."""
         return sum(leg.length for leg in self.legs)
 
 
 def path_through(points: Array, stopped: Callable[[], bool] = never) -> Path:
-    """Creates the path through waypoints.
+    """Creates the smooth path through waypoints of the container.
 
     >>> path = path_through(np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.3, 0.2, 0.0]]))
     >>> len(path.legs), round(path.length, 3)  # the path stops at the corner

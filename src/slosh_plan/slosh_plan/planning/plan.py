@@ -47,7 +47,7 @@ class NoSafeMotionError(SloshPlanError):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Plan(Shown):
-    """A planned motion that keeps every limit.
+    """A planned motion of the container that keeps every limit.
 
     Attributes:
         found: the motion and what it reaches, by simulation at 1 kHz.
@@ -129,7 +129,7 @@ def plan(
     watch: Watch | None = None,
     loose: LooseContainer | None = None,
 ) -> Plan:
-    """Plans a motion from rest to rest, for liquid at rest.
+    """Plans the fastest rest-to-rest motion along a path within limits, for liquid at rest.
 
     Args:
         model: the model; the search knows its first mode, the check all of it. Where the
@@ -198,7 +198,7 @@ def distance_to_rim(model: Model, found: CheckedMotion) -> float:
 
 
 def fastest_law(check: Checker, path: Path, limits: PlanLimits, watch: Watch) -> Scaled:
-    """Returns the fastest known law that keeps the limits.
+    """Returns the fastest standard time law that keeps the limits.
 
     Raises:
         NoSafeMotionError: no known law keeps the limits, however slow.
@@ -232,7 +232,7 @@ def tilting(model: Model, limits: PlanLimits, path: Path) -> Model:
 
 
 def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:
-    """Returns the limits reduced by the model's error."""
+    """Returns the limits, lowered by the model's measured error."""
     if error is None:
         return limits
     return replace(
@@ -241,7 +241,7 @@ def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:
 
 
 def _upper(check: Checker, motion: PlannedMotion) -> tuple[float, float] | None:
-    """Returns upper ends of peak and residual height [m]; None if their uncertainty is unknown."""
+    """Returns upper ends of the 95 % intervals of peak and residual height [m], or None."""
     model = check.model
     if model.covariance is None:
         return None

@@ -63,7 +63,7 @@ def plan_tray(
     error: ModelError | None = None,
     robust: bool = False,
 ) -> TrayPlan:
-    """Plans for the container with the lowest limit, and for another one if necessary.
+    """Plans for the container with the lowest limit; plans again if another one exceeds its own.
 
     A plan counts where its simulation keeps the limits of all. Where it exceeds that of another
     container the next plan is made for that one, each time with a limit that is lower by as much
@@ -202,7 +202,7 @@ def check_plan_from(
 
 @contextmanager
 def _named(container: str) -> Iterator[None]:
-    """Names the container of a tray in a SloshPlanError."""
+    """Adds the container's name to a SloshPlanError that the enclosed block raises."""
     try:
         yield
     except SloshPlanError as error:

@@ -16,7 +16,7 @@ class StoppedError(SloshPlanError):
 
 @dataclass(frozen=True, slots=True)
 class PlanProgress:
-    """Progress of planning.
+    """Progress of planning: phase, elapsed time and best duration so far.
 
     Attributes:
         phase: what is done now: 'known laws', 'search 1 of 2', …
@@ -34,12 +34,12 @@ def ignored(_: PlanProgress) -> None:
 
 
 def never() -> bool:
-    """Returns False: planning is never stopped."""
+    """Returns False, so that planning is never stopped early."""
     return False
 
 
 class Watch:
-    """Reports the progress of planning, and checks whether to stop.
+    """Reports the progress of planning to the caller, and asks whether to stop.
 
     Args:
         progress: is told at every phase, every candidate and every iteration of a search.
@@ -63,7 +63,7 @@ class Watch:
         return self._clock() - self._began
 
     def enter(self, phase: str) -> None:
-        """Begins a new phase of planning."""
+        """Records that a new phase of planning begins, and reports the progress."""
         self._phase = phase
         self.stopped()
 

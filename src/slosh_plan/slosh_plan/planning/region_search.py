@@ -39,7 +39,7 @@ STANDING_PARTS = 10
 
 
 class Judged(NamedTuple):
-    """A motion, simulated with all likely models.
+    """A motion, with its heights in each of the likely models.
 
     Attributes:
         motion: its upper heights are those of all models, with the model's measured error, and
@@ -124,7 +124,7 @@ class RegionFound(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RegionSearch:
-    """Searches a motion for all likely models.
+    """Searches the fastest motion that keeps the limits in all likely models.
 
     Attributes:
         search: of the model's own motion, with the limits and the time.
@@ -157,7 +157,7 @@ class RegionSearch:
         return Judged(raised, heights, used, legs)
 
     def run(self, motion: CheckedMotion, legs: Legs) -> RegionFound:
-        """Searches from the motion for the model's own parameters.
+        """Searches the motion, starting from the motion for the model's own parameters.
 
         Args:
             motion: that one.
@@ -221,7 +221,7 @@ class RegionSearch:
     def _solved(
         self, start: Judged, chosen: list[int], new: list[int], asked: PlanLimits
     ) -> Judged | None:
-        """Optimises from a motion; None if no start leads to a solution."""
+        """Optimises a motion for chosen likely models; None if every initial guess fails."""
         order = sorted([*chosen, *new], key=lambda place: -float(start.used[place].max()))
         places = order[: TUNING.robust_liquids]
         others = [self.likely.models[place] for place in places]
@@ -243,7 +243,7 @@ class RegionSearch:
         asked: PlanLimits,
         factors: Sequence[float],
     ) -> Iterator[tuple[PathSearch, Legs]]:
-        """Yields an optimisation with an initial guess, and others in case that it fails."""
+        """Yields the optimisations to try one after the other, each with an initial guess."""
         problem = self._problem(start.legs, others)
         for factor in factors:
             legs = tuple(leg.slowed(factor) for leg in start.legs)
@@ -275,7 +275,7 @@ class RegionSearch:
         return waves_of([self.search.check.model, *others], motion)
 
     def far(self, used: Array, chosen: list[int], near: float) -> list[int]:
-        """Returns models that are far above each limit and differ from those already chosen.
+        """Returns models that exceed a limit the most and differ from those already chosen.
 
         Args:
             used: (models, limits) shares of the limits.

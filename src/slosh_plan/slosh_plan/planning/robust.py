@@ -63,7 +63,7 @@ class LikelyHeights:
 
 
 class RobustPlan(NamedTuple):
-    """A plan for all likely parameters of the model.
+    """A plan that keeps the limits for all likely parameters of the model.
 
     Attributes:
         plan: the plan.
@@ -134,7 +134,7 @@ def plan_robust(
 
 
 def _known_law(region: RegionSearch, best: Judged | None) -> tuple[Scaled | None, Judged]:
-    """Returns the fastest standard time law safe for all likely models, and the best motion.
+    """Returns the fastest safe standard law, None if slower than `best`, and the faster motion.
 
     Args:
         region: the search.

@@ -38,7 +38,7 @@ Legs = tuple[LegGuess, ...]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
-    """Result of one search for an optimal time law.
+    """Result of one search for a path's optimal time law.
 
     Attributes:
         motion: that keeps the limits; None: there is none.
@@ -81,7 +81,7 @@ class OptimalSearch:
     watch: Watch
 
     def run(self) -> Found:
-        """Returns the best motion, and the reason if it is only a known time law."""
+        """Returns the best motion, and the reason if its time law is only a standard one."""
         best, last = Found(self.scaled.found), "the search found nothing faster"
         if self.over():
             return replace(best, words=self.why_over())
@@ -118,7 +118,7 @@ class OptimalSearch:
     def problem(
         self, durations: Sequence[float], *, tilting: bool, others: Sequence[Model] = ()
     ) -> PathSearch:
-        """Creates the optimisation along the path.
+        """Creates the optimisation of the motion along the path.
 
         Args:
             durations: of the legs, about [s].
@@ -184,11 +184,11 @@ class OptimalSearch:
         return solution
 
     def over(self) -> bool:
-        """Returns whether the search must end."""
+        """Returns whether the search must end: time is used up or a stop is requested."""
         return self.watch.stopped() or self.watch.elapsed >= self.time_limit
 
     def why_over(self) -> str:
-        """Describes why the search must end."""
+        """Describes why the search must end: time limit or stop request."""
         late = self.watch.elapsed >= self.time_limit
         return "the search's time was up" if late else "the search was stopped"
 
@@ -241,7 +241,7 @@ def _tilt_of(legs: Legs, factor: float, t: np.ndarray, yaw: float) -> Tilt:
 
 
 def lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
-    """Reduces the exceeded limits by their excess."""
+    """Lowers each exceeded limit by its relative excess, for the next optimisation."""
     lower = {
         name: getattr(limits, name) / (1.0 + min(share, 1.0)) * (1.0 - TUNING.slack)
         for name, share in excess.items()
@@ -251,7 +251,7 @@ def lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
 
 
 def guess_of(model: Model, path: Path, start: Scaled, search: PathSearch, factor: float) -> Legs:
-    """Creates the initial guess of an optimisation from a motion with a known time law.
+    """Creates the initial guess of an optimisation from a motion with a standard time law.
 
     Args:
         model: of the liquid.
@@ -280,7 +280,7 @@ def guess_of(model: Model, path: Path, start: Scaled, search: PathSearch, factor
 
 
 def waves_of(models: Sequence[Model], motion: PlannedMotion) -> Callable[[Array], Array]:
-    """Simulates a motion; returns a function of time with the first mode of each model."""
+    """Simulates a motion; returns the first mode's state in each model as function of time."""
     turned = attitudes(motion, None, len(motion.t))
     inputs = Inputs(motion.t, motion.acceleration, turned)
     modal = np.hstack([first_mode(model, simulate(model, inputs)[0].modal) for model in models])

@@ -63,7 +63,7 @@ class JerkLaw:
         return np.column_stack([place + np.concatenate([[0.0], np.cumsum(ways)]), v, a])
 
     def stretched(self, factor: float) -> JerkLaw:
-        """Returns the time law slowed by a factor."""
+        """Returns the time law slowed by a factor, along the same path."""
         place, speed, change = self.start
         start = (place, speed / factor, change / factor**2)
         return JerkLaw(self.duration * factor, self.jerk / factor**3, start)
@@ -103,7 +103,7 @@ class PlannedMotion:
 
     @property
     def step(self) -> float:
-        """Interval between samples [s]."""
+        """Interval between the motion's samples [s]."""
         return float(self.t[1])
 
 

@@ -1,1 +1,1 @@
-"""Shapes motions so that they leave no residual wave of one frequency."""
+"""Shapes motions so that they leave no residual wave of a given frequency."""

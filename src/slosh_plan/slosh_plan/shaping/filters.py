@@ -48,7 +48,7 @@ class Damped:
 
     @property
     def decay(self) -> float:
-        """Decay rate ζω [1/s]."""
+        """Decay rate ζω of the mode's oscillation [1/s]."""
         return self.damping_ratio * self.frequency
 
     @property
@@ -64,7 +64,7 @@ class Damped:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Filter:
-    """An input shaper: a series of impulses.
+    """An input shaper: delayed and weighted copies of the motion are added.
 
     Attributes:
         name: for tables.

@@ -35,7 +35,7 @@ _BACKWARDS = -1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathCourse:
-    """A motion split into its path and its time laws.
+    """A motion split into its geometric path and the time law of each leg.
 
     Attributes:
         path: the path.
@@ -55,12 +55,12 @@ class PathCourse:
         return sum(self.durations)
 
     def motion(self) -> PlannedMotion:
-        """Returns the original motion, sampled at 1 kHz."""
+        """Returns the motion before filtering, sampled at 1 kHz."""
         return _along(self.path, list(self.laws), list(self.durations))
 
 
 def course_of(trajectory: Trajectory) -> PathCourse:
-    """Splits a motion into its path and its time laws.
+    """Splits a motion into its geometric path and the time law of each leg.
 
     >>> from slosh_plan.shaping.filters import Damped, zero_vibration
     >>> t = np.linspace(0.0, 1.0, 1001)

@@ -24,7 +24,7 @@ DERIVATIVES = (".velocity", ".acceleration")
 
 
 def read_joint_table(path: Path, arm: Arm, options: TableOptions = FOUND_OUT) -> JointWaypoints:
-    """Reads a joint motion from a table.
+    """Reads a motion of a robot's joints from a CSV table.
 
     Args:
         path: a text file; one whose name ends in .gz is unpacked.

@@ -52,11 +52,11 @@ PARAMETERS = (
     ParameterSpec("private_key", "", "private key of the certificate, PEM or DER"),
     ParameterSpec(
         "trusted_clients", "",
-        "folder with the certificates of the OPC UA clients that are let in; empty: all clients",
+        "folder with the certificates of the OPC UA clients that may connect; empty: all",
     ),
     ParameterSpec("modbus_port", 0, "port of Modbus TCP, usually 502; 0: no Modbus", (0, 65535)),
     ParameterSpec("mqtt_broker", "", "MQTT broker, HOST or HOST:PORT; empty: no MQTT"),
-    ParameterSpec("mqtt_user", "", "user of the MQTT broker; empty: none"),
+    ParameterSpec("mqtt_user", "", "user name for the MQTT broker; empty: none"),
     ParameterSpec("mqtt_password_file", "", "file whose first line is that user's password"),
     ParameterSpec(
         "mqtt_authority", "",
@@ -68,14 +68,14 @@ PARAMETERS = (
     ParameterSpec("mqtt_private_key", "", "PEM file of the private key of mqtt_certificate"),
     ParameterSpec(
         "sparkplug_group", "",
-        "group of the Sparkplug B edge node that is published beside the JSON document; empty: "
-        "no Sparkplug",
+        "group of a Sparkplug B edge node that is published in addition to the JSON document; "
+        "empty: no Sparkplug",
     ),
 )  # fmt: skip
 
 
 class PlcNode(PolledNode):
-    """Node that makes a cell's state of its messages and serves it.
+    """ROS node that creates a cell's state from its messages and serves it to controllers.
 
     Attributes:
         failure: why the servers have ended; empty: they work.
@@ -102,7 +102,7 @@ class PlcNode(PolledNode):
             self.get_logger().info(health.sentence)
 
     def close(self) -> None:
-        """Stops the servers; a broker keeps that the cell is lost."""
+        """Stops the servers; MQTT brokers keep the message that the cell is lost."""
         self._servers.stop()
 
     def _add(self, kind: Any, topic: str, profile: QoSProfile, use: Callable[[Any], None]) -> None:
@@ -151,7 +151,7 @@ class PlcNode(PolledNode):
 
 
 def servers_of(given: Mapping[str, Any], cell: str) -> list[Server]:
-    """Makes the servers that a node's parameters ask for.
+    """Creates the servers that a node's parameters enable.
 
     Args:
         given: the parameters by name.

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 from typing import NamedTuple
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_folder import bag_files
+from slosh_base.files.file_state import state_of
 from slosh_replay.fleet.motions import motions_of
 from slosh_replay.fleet.store import FleetStore
 
 
 class Ingested(NamedTuple):
-    """Result of ingesting one bag.
+    """Result of adding the motions of one bag to the fleet store.
 
     Attributes:
         motions: number of motions in the bag.
@@ -27,7 +27,7 @@ class Ingested(NamedTuple):
 
 
 def ingest(bag: Path, store: FleetStore) -> Ingested:
-    """Stores the motions of a bag; a bag that has not changed since is not read again.
+    """Adds a bag's motions to the fleet store; skips a bag that has not changed since it was read.
 
     It may be interrupted at any moment and repeated: each file of the store appears as a whole,
     and the bag is noted as ingested only after its last file.
@@ -52,11 +52,7 @@ def ingest(bag: Path, store: FleetStore) -> Ingested:
 
 def _state(bag: Path) -> str:
     """Returns a digest of the path, sizes and times of a bag's files: it changes with the bag."""
-    digest = hashlib.sha256()
-    for file in bag_files(bag):
-        try:
-            found = file.stat()
-        except OSError as error:
-            raise SloshBagError(f"{file}: {error.strerror}") from None
-        digest.update(f"{file.resolve()}\n{found.st_size}\n{found.st_mtime_ns}\n".encode())
-    return digest.hexdigest()
+    try:
+        return state_of(bag_files(bag))
+    except OSError as error:
+        raise SloshBagError(f"{error.filename}: {error.strerror}") from None

@@ -12,7 +12,7 @@ Value = TypeVar("Value")
 
 
 class Column(NamedTuple):
-    """A column of the store: name, Python type, unit ("1": none) and meaning."""
+    """A column of the store: name, Python type, unit (1 if dimensionless) and meaning."""
 
     name: str
     type: str
@@ -21,14 +21,14 @@ class Column(NamedTuple):
 
 
 def _column(_kind: type[Value], unit: str, meaning: str) -> Value:
-    """Creates a field of MotionRow; to the type checker it is the value itself."""
+    """Creates a field of MotionRow with unit and meaning; type checkers see a plain value."""
     made: Any = field(metadata={"unit": unit, "meaning": meaning})
     return made  # type: ignore[no-any-return]
 
 
 @dataclass(frozen=True, slots=True)
 class MotionRow:
-    """A motion and the time after it until the next one; the fields say what they hold.
+    """Key figures of one motion and of the rest until the next motion; one row of the store.
 
     NaN in a number: unknown.
     """
@@ -65,12 +65,12 @@ class MotionRow:
 
     @property
     def begin(self) -> datetime:
-        """Begin of the motion, UTC."""
+        """Start time of the motion (UTC)."""
         return datetime.fromtimestamp(self.begin_ns / SECOND, UTC)
 
     @property
     def month(self) -> str:
-        """Month of the begin, such as 2026-11."""
+        """Month in which the motion starts, such as 2026-11."""
         return f"{self.begin:%Y-%m}"
 
 

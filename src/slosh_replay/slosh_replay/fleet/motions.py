@@ -47,7 +47,7 @@ Columns = Mapping[str, NDArray[Any]]
 
 
 class _Table(NamedTuple):
-    """Messages of one topic as columns, in order of their stamps.
+    """Columns of the messages of one topic, sorted by stamp.
 
     Attributes:
         stamps: (N,) [ns].
@@ -58,13 +58,13 @@ class _Table(NamedTuple):
     columns: Columns
 
     def within(self, begin_ns: int, end_ns: int) -> _Table:
-        """Returns the messages with stamps from one time on and before another."""
+        """Returns the messages with stamps in a time span, whose end is excluded."""
         part = slice(*np.searchsorted(self.stamps, [begin_ns, end_ns]).tolist())
         return _Table(self.stamps[part], {name: one[part] for name, one in self.columns.items()})
 
 
 class _Liquid(NamedTuple):
-    """The container in a recording, and its first mode by the model.
+    """The container of a recording, with frequency and damping of the model's first mode.
 
     Attributes:
         shape: of the container.
@@ -80,7 +80,7 @@ class _Liquid(NamedTuple):
 
 
 def motions_of(path: str | Path) -> list[MotionRow]:
-    """Reads the motions of all cells in a bag.
+    """Reads the motions of all robot cells in a bag, one row for each motion.
 
     Args:
         path: the bag's folder or MCAP file.
@@ -160,7 +160,7 @@ def _row(
 
 
 def _compared(table: _Table) -> dict[str, Any]:
-    """Returns the measured peak and both models' errors at the usable images."""
+    """Returns the measured peak height and both models' errors at images with valid heights."""
     columns = table.columns
     measured = columns["measured"]
     usable = np.isfinite(measured) & (columns["measured_stale"] == 0)
@@ -177,7 +177,7 @@ def _compared(table: _Table) -> dict[str, Any]:
 
 
 def _identified(table: _Table, liquid: _Liquid) -> dict[str, Any]:
-    """Returns frequency, damping and level of the last state that the observer trusted."""
+    """Returns frequency, damping and level from the last state that the observer marks trusted."""
     rows = np.flatnonzero(table.columns["trusted"])
     names = ("frequency_factor", "frequency_stddev", "damping_factor", "damping_stddev", "level")
     last = [float(table.columns[n][rows[-1]]) for n in names] if len(rows) else [NAN] * 5
@@ -192,7 +192,7 @@ def _identified(table: _Table, liquid: _Liquid) -> dict[str, Any]:
 
 
 def _calm_time(table: _Table, end_ns: int) -> float:
-    """Returns the time from a motion's end until the liquid is first calm [s]; NaN: unknown."""
+    """Returns the time from a motion's end until the liquid is calm [s]; NaN if unknown."""
     calm = table.stamps[(table.columns["calm"] != 0) & (table.stamps >= end_ns)]
     return 1e-9 * float(calm[0] - end_ns) if len(calm) else NAN
 
@@ -227,7 +227,7 @@ def _limits(starts: Sequence[NodeStart]) -> Mapping[Source, float]:
 
 
 def _read(run: RecordedRun, own: CellTopics, name: str, fields: Sequence[str]) -> _Table:
-    """Reads one topic of a cell as columns; empty if it was not recorded."""
+    """Reads one topic of a cell as columns; no rows if the topic was not recorded."""
     topic = own.topic(name, _TYPES[name])
     blocks = [] if topic is None else list(run.reader.look_up([topic]))
     parts = [run.reader.columns(block, (*STAMP, *fields)) for block in blocks]

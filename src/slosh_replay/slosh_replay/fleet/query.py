@@ -1,4 +1,4 @@
-"""Queries the fleet store by SQL."""
+"""Queries the fleet store's table of motions with SQL."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class MotionTable:
         self._connection.close()
 
     def query(self, sql: str, values: Sequence[Any] = ()) -> Result:
-        """Runs an SQL query of DuckDB.
+        """Runs a query in DuckDB's SQL dialect and returns its rows.
 
         Args:
             sql: the statement.

@@ -37,7 +37,7 @@ _STORED: Final = tuple(column for column in COLUMNS if column.name != "cell")
 
 
 class Added(NamedTuple):
-    """Result of storing the motions of one bag: motions, new files, and files of before."""
+    """Counts after storing one bag: its motions, the new files, and files that already existed."""
 
     motions: int
     new: int
@@ -45,7 +45,7 @@ class Added(NamedTuple):
 
 
 class Parted(NamedTuple):
-    """The stored motions as pyarrow datasets; None: a part has no file.
+    """The stored motions as two datasets: in one file each, and possibly in several files.
 
     Attributes:
         once: each motion in it is in one file only.
@@ -57,7 +57,7 @@ class Parted(NamedTuple):
 
 
 class FleetStore:
-    """Motions of many recordings at one place.
+    """Parquet files of the motions of many recordings, in a folder or remote storage.
 
     Args:
         url: folder, or what fsspec knows, such as s3://bucket/motions.
@@ -78,7 +78,7 @@ class FleetStore:
             self.is_disk = "file" in _protocols(self._files)
 
     def add(self, rows: Sequence[MotionRow]) -> Added:
-        """Stores the motions of one bag; those that are stored already are left.
+        """Stores the motions of one bag; skips motions that are already stored.
 
         Raises:
             SloshBagError: the place cannot be written.
@@ -99,7 +99,7 @@ class FleetStore:
         return Added(len(rows), new, len(groups) - new)
 
     def noted(self, state: str) -> int | None:
-        """Returns the number of motions of an ingested bag; None: it is not noted.
+        """Returns the number of motions noted for an ingested bag; None if the bag is not noted.
 
         Args:
             state: digest of the bag's state, as given to `note`.
@@ -114,7 +114,7 @@ class FleetStore:
                 return None
 
     def note(self, state: str, motions: int) -> None:
-        """Notes that all motions of a bag are stored.
+        """Notes that all motions of a bag are stored, so that the bag is not read again.
 
         Args:
             state: digest that changes with the bag.
@@ -131,7 +131,7 @@ class FleetStore:
 
     @contextlib.contextmanager
     def _naming(self) -> Iterator[None]:
-        """Turns an error of the file system into one line that names the store."""
+        """Converts file system errors in a `with` block to one-line errors with the URL."""
         try:
             with telling(self.url):
                 yield
@@ -139,7 +139,7 @@ class FleetStore:
             raise SloshBagError(f"{self.url}: {error.strerror}") from None
 
     def dataset(self) -> Any:
-        """Returns all stored motions as a pyarrow dataset; the same motion may be in it twice.
+        """Returns all stored motions as a pyarrow dataset, which may contain a motion twice.
 
         Raises:
             SloshBagError: there are none, or the place cannot be read.
@@ -147,7 +147,7 @@ class FleetStore:
         return self._dataset(self._paths())
 
     def parted(self) -> Parted:
-        """Returns all stored motions, those apart that may be in it twice.
+        """Returns all stored motions, with those that may be stored twice in a separate dataset.
 
         Raises:
             SloshBagError: there are none, or the place cannot be read.
@@ -158,7 +158,7 @@ class FleetStore:
         return Parted(*(self._dataset(part) if part else None for part in parts))
 
     def _paths(self) -> list[str]:
-        """Returns the paths of all files, sorted.
+        """Returns the paths of all Parquet files of the store, sorted.
 
         Raises:
             SloshBagError: there are none, or the place cannot be read.
@@ -187,7 +187,7 @@ class FleetStore:
             )  # fmt: skip
 
     def _put(self, path: str, data: bytes) -> None:
-        """Writes a file as a whole: by its rename on a disk, by one request elsewhere."""
+        """Writes a file completely or not at all: by renaming on a disk, else by one request."""
         if self.is_disk:
             _write(Path(path), data)
         else:
@@ -196,7 +196,7 @@ class FleetStore:
 
 
 def _overlapping(paths: Sequence[str]) -> set[str]:
-    """Returns the files that may hold a motion of another one: those of a cell at one time."""
+    """Returns files of one cell whose time spans overlap, so that they may share motions."""
     found: set[str] = set()
     spans: dict[str, list[tuple[int, int, str]]] = {}
     for path in paths:
@@ -217,7 +217,7 @@ def _overlapping(paths: Sequence[str]) -> set[str]:
 
 
 def _write(path: Path, data: bytes) -> None:
-    """Writes a file on a disk; folders that were made for it go if it cannot be written."""
+    """Writes a file to disk; removes the folders created for the file if writing fails."""
     made = [folder for folder in path.parents if not folder.exists()]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -235,7 +235,7 @@ def _protocols(files: Any) -> Iterable[str]:
 
 
 def _schema(arrow: Any) -> Any:
-    """Returns the schema of the files: the unit and meaning of each column are in it."""
+    """Returns the schema of the Parquet files, with the unit and meaning of each column."""
     types = {"str": arrow.string(), "int": arrow.int64(), "float": arrow.float64()}
     own = [
         arrow.field(
@@ -249,7 +249,7 @@ def _schema(arrow: Any) -> Any:
 
 
 def _packed(rows: Sequence[MotionRow]) -> bytes:
-    """Returns rows as a Parquet file; NaN is null, so that queries leave it out."""
+    """Returns rows as a Parquet file; NaN becomes null, which SQL aggregates ignore."""
     arrow, parquet = load_pyarrow()
     schema = _schema(arrow)
     columns = [

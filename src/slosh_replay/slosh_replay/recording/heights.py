@@ -46,12 +46,12 @@ class Measurements(NamedTuple):
 
     @property
     def unusable(self) -> Mask:
-        """Whether the flags exclude each height (N,)."""
+        """Whether each height (N,) is excluded by its validity flags."""
         return np.asarray((self.flags & UNUSABLE) != 0)
 
     @property
     def saturated(self) -> Mask:
-        """Whether each height is only a lower bound (N,)."""
+        """Whether each height (N,) is only a lower bound, since the image was cut off."""
         return np.asarray((self.flags & SATURATED) != 0)
 
     @property
@@ -101,7 +101,7 @@ class HeightCollector:
         self._parts = [Measurements(whole, none, whole, none, none)]
 
     def add(self, columns: Columns) -> None:
-        """Adds consecutive FreeSurface messages."""
+        """Adds consecutive FreeSurface messages to the collected columns."""
         self._parts.append(measurements(columns))
 
     def measurements(self) -> Measurements:

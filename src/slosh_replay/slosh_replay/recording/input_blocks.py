@@ -102,7 +102,7 @@ class InputBlocks:
         return _pose_columns(found, self._world)
 
     def _placed(self, poses: PlacedAccel, message: Any) -> list[PlacedAcceleration]:
-        """Returns the converted accelerations that a message completes."""
+        """Returns accelerations, converted by transforms, that a message completes."""
         if hasattr(message, "transforms"):
             return poses.take_transforms(map(_transform, message.transforms))
         if message.header.frame_id != poses.frame:
@@ -228,7 +228,7 @@ def _row(name: str) -> topics.Topic:
 
 
 def _latched(reader: BagReader, sources: Sources, name: str) -> Iterator[Any]:
-    """Yields the decoded messages of a rarely published topic."""
+    """Yields the decoded messages of a topic with few messages, such as /tf_static."""
     row = _row(name)
     topic = sources.topics.topic(name.strip("/"), row.type)
     for block in reader.look_up([topic]) if topic else ():

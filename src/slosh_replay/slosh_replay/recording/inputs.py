@@ -53,7 +53,7 @@ STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 
 
 def recorded_inputs(starts: Sequence[NodeStart], facts: Mapping[str, str]) -> InputSettings:
-    """Returns the input settings of a recording.
+    """Returns the input settings with which a recording's estimator ran.
 
     Args:
         starts: of its nodes; the first estimator's parameters count.
@@ -170,7 +170,7 @@ class InputReader:
         self._adapter.gate.change(self._settings.gate)
 
     def restart(self, settings: InputSettings | None = None) -> None:
-        """Resets the reader, as a restarted node does.
+        """Resets the input reader, as a restart of the live node did.
 
         Args:
             settings: of the new node; None: as before.
@@ -205,7 +205,7 @@ class InputReader:
         return [line] if line else []
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores the live node's state after its last message.
+        """Restores the state of the live input reader after the message with this stamp [ns].
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input.

@@ -51,7 +51,7 @@ class RecordedMotion:
 
 
 class MotionCollector:
-    """Collects the messages of one input.
+    """Collects the messages of one input topic, to compute the motion.
 
     Args:
         kind: of the input.
@@ -74,7 +74,7 @@ class MotionCollector:
         self._turns: list[Array] = []
 
     def add(self, columns: Columns) -> None:
-        """Adds consecutive messages of the input."""
+        """Adds consecutive messages of the input topic."""
         self._take(*self._filter.add(stamps_of(columns), columns))
 
     def _take(self, stamps: Stamps, columns: Columns) -> None:
@@ -177,7 +177,7 @@ class AttitudeCollector:
         self._turnings: list[Array] = []
 
     def add(self, columns: Columns) -> None:
-        """Adds consecutive Imu messages."""
+        """Adds consecutive Imu messages, from which the attitude is taken."""
         here = columns[FRAME] == self._frame
         self._stamps.append(stamps_of(columns)[here])
         self._attitudes.append(_reported(columns, ORIENTATION, _ORIENTATION_KNOWN)[here])

@@ -87,7 +87,7 @@ class MountingCheck(NamedTuple):
 
     @property
     def wrong(self) -> tuple[str, ...]:
-        """What is wrong with the sensor, one clause each."""
+        """Faults of the sensor's mounting, one clause each; empty if none were found."""
         if self.verdict is not None:
             return self.verdict.wrong
         return tuple(doubt for doubt in self.doubts if doubt.wrong)
@@ -152,7 +152,7 @@ def _said(reader: BagReader, sources: Sources, wanted: MountingWanted) -> InputS
 
 
 def _own_settings(reader: BagReader, sources: Sources) -> InputSettings:
-    """Returns a sensor's settings: the estimator's if it used it, else from fixed transforms."""
+    """Returns a sensor's mounting settings: the estimator's, or else those of fixed transforms."""
     started = first(sources.starts, "estimator")
     if started is not None and started.parameters.get("input") == sources.kind:
         return reading(reader, sources)
@@ -186,7 +186,7 @@ class _Sensor:
         self._waiting: list[Any] = []
 
     def take(self, columns: Mapping[str, Any]) -> None:
-        """Adds consecutive messages of the sensor."""
+        """Adds consecutive messages of the sensor to the mounting check."""
         stamps = stamps_of(columns)
         if not len(stamps):
             return
@@ -202,14 +202,14 @@ class _Sensor:
             self._watch.take_sensor(stamp, force, rate)
 
     def take_motion(self, *row: Any) -> None:
-        """Adds a sample of the container's motion; see `MountingWatch.take_motion`."""
+        """Adds a sample of the container's motion to the mounting check."""
         if self._watch is None:
             self._waiting.append(row)
         else:
             self._watch.take_motion(*row)
 
     def look(self, *, finished: bool = False) -> None:
-        """Judges motions that have ended."""
+        """Checks the mounting with each motion that has ended since the last call."""
         if self._watch is not None:
             self._watch.look(finished=finished)
 
@@ -265,7 +265,7 @@ class _Motion:
         return self._reader.doubts
 
     def missing(self) -> str:
-        """Returns why this source gives no motion; empty if it does."""
+        """Returns why this source gives no motion; empty if it gives one."""
         if self._count:
             return ""
         return self._blocks.trouble() or f"it tells no motion{self._reader.refusal}"

@@ -129,7 +129,7 @@ def latest(starts: Sequence[NodeStart], node: str) -> NodeStart | None:
 
 
 def last_of_each(starts: Iterable[NodeStart]) -> dict[str, NodeStart]:
-    """Returns the last settings of each node by name."""
+    """Returns the last recorded settings of each node, by node name."""
     found: dict[str, NodeStart] = {}
     for start in starts:
         found[start.node] = after(found.get(start.node), start)

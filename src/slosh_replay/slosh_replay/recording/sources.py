@@ -76,7 +76,7 @@ def recorded_starts(reader: BagReader, found: CellTopics | None = None) -> list[
 def find_sources(
     path: Path, reader: BagReader, kind: str | None = None, cell: str | None = None
 ) -> Sources:
-    """Selects the topics of a bag for a replay.
+    """Selects the topics of a bag that a replay reads or compares with.
 
     Args:
         path: of the bag, for errors.
@@ -161,7 +161,7 @@ class CellTopics:
         return min(found, key=lambda topic: (_namespace(topic) != self._home, topic), default=None)
 
     def settle(self, topic: str) -> None:
-        """Selects the cell by the namespace of a topic, if none is selected yet."""
+        """Selects the cell of a topic, by its namespace, if no cell is selected yet."""
         if self._home is None:
             self._home = _namespace(topic)
 

@@ -27,7 +27,7 @@ SAMPLED = 200_000
 
 
 class Judgement(NamedTuple):
-    """Accuracy of the models over the images of a run.
+    """Accuracy of each model over all images of a run.
 
     Attributes:
         models: over the whole run.
@@ -147,7 +147,7 @@ def _spike_limit(series: Series) -> float:
 def _cleaned(
     series: Series, start: int, block: NDArray[np.void], limit: float
 ) -> tuple[Array, Array]:
-    """Returns the block's measured heights, with and without spikes."""
+    """Returns a block's measured heights, with and without spikes."""
     # At its ends the neighbours beyond decide.
     first, last = max(start - 1, 0), min(start + len(block) + 1, len(series))
     around = series.read(first, last)["measured"]

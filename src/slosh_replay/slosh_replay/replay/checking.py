@@ -22,7 +22,7 @@ ROUNDING = 1e-9
 
 
 class Point(NamedTuple):
-    """One checked value of a replay.
+    """One check of a replay: its name, and why it failed.
 
     Attributes:
         name: what it is.
@@ -35,7 +35,7 @@ class Point(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class CheckedReplay:
-    """A replay with the results of its checks.
+    """A replay, with the results of the checks against its manifest.
 
     Attributes:
         name: of the bag.

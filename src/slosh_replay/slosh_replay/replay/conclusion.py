@@ -1,4 +1,4 @@
-"""Assembles the result of a finished replay."""
+"""Assembles the result object of a finished replay."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Origin(NamedTuple):
 def conclude(
     name: str, source: str, stream: ReplayStream, origin: Origin | None = None
 ) -> ReplayResult:
-    """Creates the result of a finished replay.
+    """Creates the result object of a finished replay.
 
     Args:
         name: of the bag or table.

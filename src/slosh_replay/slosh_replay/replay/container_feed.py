@@ -66,7 +66,7 @@ class ReplayedContainerMonitor:
         self.events: list[Event] = []
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Processes estimates and measured heights; returns comparisons of both."""
+        """Processes estimates and measured heights; returns comparisons of the two."""
         for last_ns, tray in self._trays[self._carried :]:
             self._monitor.carry(tray, last_ns)
         self._carried = len(self._trays)

@@ -21,7 +21,7 @@ its first recorded estimate tells with which input that was."""
 
 
 class Decision(NamedTuple):
-    """Decision which of the next recorded inputs the live estimator used.
+    """For the next inputs: whether the live estimator used each, and where it restarted.
 
     Attributes:
         reached: how many inputs it is about.
@@ -133,7 +133,7 @@ class InputMatcher:
         return used
 
     def _starts(self, stamps: Integers, used: NDArray[np.bool_]) -> list[int]:
-        """Returns the inputs at which the estimator's counter restarted; completes `used`."""
+        """Returns the inputs at which the estimator's counter of used inputs restarted."""
         restarts = [0] if self._anew and len(stamps) else []
         anew = np.diff(self._counts()) <= 0
         if not self._heard and len(anew):

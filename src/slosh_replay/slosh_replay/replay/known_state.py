@@ -25,7 +25,7 @@ _STARTED, _LOST, _STATE = range(3)  # in the order in which they count at one in
 
 
 class Course(NamedTuple):
-    """Changes of the liquid's known state during the next inputs.
+    """For the next inputs: whether the liquid's state is known, and the states to restore.
 
     Attributes:
         unknown: whether it is not known at the first of them, with which the replay begins.
@@ -46,7 +46,7 @@ class _Event(NamedTuple):
 
 
 class KnownState:
-    """Tracks, by inputs and recorded states, when the state of the liquid is known.
+    """Tracks from inputs and recorded states whether the replay knows the liquid's state.
 
     Args:
         verifier: is told what cannot be compared; None: nothing is.
@@ -79,7 +79,7 @@ class KnownState:
         self._lag_ns = 0  # by which estimates lie behind the inputs that they are made of
 
     def add(self, states: Sequence[RecordedState]) -> None:
-        """Adds recorded states in recorded order."""
+        """Adds recorded states of the estimator, in recorded order."""
         self._states += states
 
     def follow(self, stamps: Integers, decision: Decision) -> Course:
@@ -167,7 +167,7 @@ class KnownState:
         self._known = self._found_before = True
 
     def _find_comparisons(self, stamps: Integers, place: int) -> None:
-        """Resumes the check of monitor results at the first replayed estimate, if it was found.
+        """Resumes the check of monitor messages at the first replayed estimate of a known state.
 
         A comparison of an image before it interpolates from an estimate that is not replayed.
 

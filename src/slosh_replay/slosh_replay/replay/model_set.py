@@ -1,4 +1,4 @@
-"""Runs the recorded model and its 2D or 3D variant, each linear and nonlinear.
+"""Runs four estimators: the recorded model and its 2D or 3D variant, linear and nonlinear.
 
 Their estimates are interpolated to the stamps of images.
 """
@@ -25,7 +25,7 @@ MAX_GAP_NS = 50_000_000
 
 
 class ModelSetEstimates(NamedTuple):
-    """Estimates of several models for N samples.
+    """Heights estimated by the recorded model and its variants for N samples.
 
     Attributes:
         own: the model's own, as the node publishes them.
@@ -37,7 +37,7 @@ class ModelSetEstimates(NamedTuple):
 
 
 class ModelSet:
-    """Runs the four model variants in parallel.
+    """Runs estimators with four models in parallel: 2D and 3D, linear and nonlinear.
 
     Args:
         model: container, liquid and effects; the one that was or would be loaded live.
@@ -49,7 +49,7 @@ class ModelSet:
 
     @property
     def model(self) -> Model:
-        """The loaded model."""
+        """The model that was loaded last."""
         return self._own.model
 
     @property
@@ -75,7 +75,7 @@ class ModelSet:
         self._own.empty = self._twin.empty = empty
 
     def take_up(self, state: EstimatorState) -> None:
-        """Restores a recorded state of the live estimator.
+        """Restores a state that the live estimator recorded.
 
         The twin goes on from it, too: how far it would have been elsewhere nobody knows, and that
         dies out.

@@ -32,7 +32,7 @@ _NEVER = 2**63 - 1
 
 
 class MonitoredHeights(NamedTuple):
-    """Estimates in the input format of the monitor.
+    """Estimated heights with stamps and flags, in the input format of the monitor.
 
     Attributes:
         stamps: (M,) [ns].
@@ -57,7 +57,7 @@ class MonitoredHeights(NamedTuple):
 
 
 class MonitorFeed:
-    """Runs the monitor over a recording.
+    """Runs the monitor over a recording's estimates and measured heights.
 
     Whether a side still speaks is judged by the stamps: a recording has no other clock that two
     replays agree on.
@@ -140,7 +140,7 @@ class MonitorFeed:
     def _estimates(
         self, points: list[EstimatePoint], accelerations: _Accelerations
     ) -> list[Comparison]:
-        """Adds estimates together with the accelerations up to each of them."""
+        """Passes estimates to the monitor, each after the accelerations up to its stamp."""
         found: list[Comparison] = []
         at = 0
         while at < len(points):
@@ -226,7 +226,7 @@ def _images(measured: Measurements) -> list[MeasuredPoint]:
 
 
 class ReplayedMonitor:
-    """The monitor as one of the nodes in a replay.
+    """The monitor, wrapped as one of the nodes in a replay.
 
     Args:
         setting: of the replay.

@@ -1,4 +1,4 @@
-"""The list of nodes that a replay runs."""
+"""The table of all nodes that a replay runs, with topics and tolerances."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def node_table(
     force_surface: str = "",
     cameras: Sequence[ReplayedNode] = (),
 ) -> tuple[ReplayedNode, ...]:
-    """Returns the nodes; each one comes after those whose topics it reads.
+    """Returns the table of replayed nodes; each node follows those whose topics it reads.
 
     Args:
         modes: of the recorded estimates.
@@ -103,7 +103,7 @@ def node_table(
 
 
 def _force_node(surface: str) -> ReplayedNode:
-    """Returns the sensor node, which publishes heights from a force on a topic."""
+    """Returns the table row of the sensor node, which computes heights from a force."""
     return ReplayedNode(
         "sensor",
         ReplayedForce,

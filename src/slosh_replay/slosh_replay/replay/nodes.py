@@ -37,11 +37,11 @@ class Outputs:
         """Receives comparisons of estimated and measured heights, in order."""
 
     def events(self, events: list[Event]) -> None:
-        """Receives limit events."""
+        """Receives events at which limits are exceeded or kept again."""
 
 
 class Setting(NamedTuple):
-    """Settings for the nodes of a replay.
+    """Settings that all nodes of a replay share: model, input, limits and changes.
 
     Attributes:
         model: container, liquid and effects at the start.
@@ -92,7 +92,7 @@ NO_MEASUREMENTS = Measurements(_NO_STAMPS, _NONE, _NO_STAMPS, _NONE, _NONE)
 
 
 class Moment(NamedTuple):
-    """New data of a replay up to a stamp.
+    """Data that became available since the last step of a replay, up to a stamp.
 
     Attributes:
         messages: of the topics that nodes read, recorded ones and those of the rows above, by the
@@ -143,7 +143,7 @@ def recorded_name(name: str) -> str:
 
 
 class ReplayedNode(NamedTuple):
-    """A node that a replay runs.
+    """A node that a replay runs: name, topics, tolerance and processing class.
 
     Attributes:
         name: of the node.

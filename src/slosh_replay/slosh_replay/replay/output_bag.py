@@ -62,7 +62,7 @@ class OutputBag(Outputs):
         self._names, self._template, self._wall = names, None, wall
 
     def estimates(self, estimates: ModelSetEstimates) -> None:
-        """Writes estimates to the bag."""
+        """Writes estimates as SloshEstimate messages to the bag."""
         own = estimates.own
         if not len(own.stamps):
             return
@@ -93,7 +93,7 @@ class OutputBag(Outputs):
             self._write("comparison", COMPARISON, stamp, fields)
 
     def events(self, events: list[Event]) -> None:
-        """Writes limit events to the bag."""
+        """Writes limit events as LimitEvent messages to the bag."""
         for event in events:
             fields = {
                 "id": event.id, "kind": int(event.kind), "source": int(event.source),
@@ -111,7 +111,7 @@ class OutputBag(Outputs):
         )
 
     def _make_template(self, own: Estimates) -> tuple[Layout, bytes]:
-        """Creates an estimate message in which only numbers will change."""
+        """Creates the message of a model's estimates, in which each estimate sets the numbers."""
         types = self._store.types
         modal = np.zeros(2 * own.modal.shape[2])
         models = [

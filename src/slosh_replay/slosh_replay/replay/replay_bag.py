@@ -228,7 +228,7 @@ def _heard_starts(reader: BagReader, sources: Sources) -> tuple[NodeStart, ...]:
 
 
 def _estimators(reader: BagReader, sources: Sources) -> tuple[Sources, int]:
-    """Returns the sources, and how many estimators published on the same topic.
+    """Returns the topics to replay, and how many estimators published on the estimate topic.
 
     Other recorders note nothing; there the estimates themselves tell.
     """
@@ -295,7 +295,7 @@ def _warnings(path: Path, reader: BagReader, sources: Sources) -> list[str]:
 
 
 class TopicBatch(NamedTuple):
-    """Consecutive messages of one topic.
+    """Consecutive messages of one topic, as columns.
 
     Attributes:
         topic: theirs.

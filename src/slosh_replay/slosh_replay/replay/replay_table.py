@@ -1,4 +1,4 @@
-"""Replays motion tables with measured heights."""
+"""Replays a motion table with measured heights, without a bag."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ class ReplayedEstimator:
         return int(self._inputs[0].stamps[0]) if self._inputs else None
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Adds inputs; returns the estimates that follow from them."""
+        """Adds recorded inputs; returns the estimates computed from the inputs that were used."""
         taken = moment.messages.get(self.setting.reader.kind)
         if taken is not None and len(taken.stamps):
             self._inputs.append(taken)
@@ -206,7 +206,7 @@ class ReplayedEstimator:
         self.setting.outputs.begin(self.models.own_names, self.models.model.container.wall)
 
     def _carry(self, change: NodeStart) -> int:
-        """Applies a recorded start's tray; returns the index of a changed place, -1 for all."""
+        """Loads the tray of a recorded start; returns the changed place's index, or -1 for all."""
         tray = tray_of(change) if self._tray is not None else None
         if tray is None or self._tray is None or tray.names != self._tray.names:
             return -1

@@ -64,7 +64,7 @@ class ReplayedForce:
         }
 
     def _waves(self, samples: Messages, forces: Messages) -> Iterator[SensedWave]:
-        """Yields the waves from samples and forces, all with stamps up to the same one."""
+        """Yields the waves of the added forces and samples, in batches up to common stamps."""
         if len(samples.stamps):
             for start in dict.fromkeys(samples.columns["start"].astype(np.int64).tolist()):
                 model = self._setting.loaded[start]

@@ -139,7 +139,7 @@ class ReplayedObserver:
         self._lost = self._calm_lost = True
 
     def _begin(self, start: int) -> None:
-        """Creates the observer at a start of the node."""
+        """Creates the observer with the model and settings of a recorded node start."""
         self._start = start
         model = self._setting.loaded[start]
         self._observer, self._taken = Observer(model, holds=False), [0] * len(DOORS)

@@ -40,7 +40,7 @@ BESIDE = 1.0  # [s]
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """Additional content of a replay's page.
+    """Content of a replay's page besides the replay: title, images, topics, notes.
 
     Attributes:
         title, subtitle: headings; an empty title: the replay's name.
@@ -60,7 +60,7 @@ class Surroundings:
 
 
 def replay_report(result: ReplayResult, around: Surroundings | None = None) -> RunReport:
-    """Creates the content of a replay's page.
+    """Creates the content of the HTML page about a replay.
 
     The charts show the loaded model's L and NL twin, from a second before their first estimate to
     a second after their last. Further effects that a model has are part of its name.

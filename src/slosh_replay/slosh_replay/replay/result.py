@@ -141,7 +141,7 @@ class ReplayResult(Shown):
 
     @property
     def t(self) -> Array:
-        """Stamps (N,) of the images [s]."""
+        """Time stamps (N,) of the images [s]."""
         return np.asarray(self.stamps * 1e-9, dtype=np.float64)
 
     @property
@@ -237,7 +237,7 @@ class Judged(Protocol):
 
     @property
     def accuracy(self) -> tuple[ModelAccuracy, ...]:
-        """Accuracy of each model."""
+        """Accuracy of each model, by model name."""
 
 
 def accuracy_table(results: Sequence[Judged]) -> str:

@@ -69,14 +69,14 @@ class Series:
         return self._count
 
     def append(self, rows: NDArray[np.void]) -> None:
-        """Adds rows of the type `dtype`."""
+        """Appends rows (one per image) to the file."""
         with naming(self._place):
             self._file.seek(0, 2)
             self._file.write(rows.tobytes())
         self._count += len(rows)
 
     def blocks(self) -> Iterator[NDArray[np.void]]:
-        """Yields all rows in blocks."""
+        """Yields all rows in blocks of limited size, in order."""
         for start in range(0, self._count, self._block):
             yield self.read(start, min(start + self._block, self._count))
 
@@ -88,19 +88,19 @@ class Series:
         return np.frombuffer(content, dtype=self.dtype)
 
     def replace(self, start: int, rows: NDArray[np.void]) -> None:
-        """Overwrites the rows from `start` on."""
+        """Overwrites stored rows, beginning with the row number `start`."""
         with naming(self._place):
             self._file.seek(start * self.dtype.itemsize)
             self._file.write(rows.tobytes())
 
     def close(self) -> None:
-        """Closes and deletes the file."""
+        """Closes and deletes the temporary file of the series."""
         with suppress(OSError):  # what it has not written yet is not needed
             self._file.close()
 
 
 def chosen(table: Table, rows: NDArray[Any]) -> Table:
-    """Returns selected rows of a table.
+    """Returns the selected rows of a table of arrays.
 
     Args:
         table: named tuple of arrays of one length; a column may be None.

@@ -127,7 +127,7 @@ class ReplayStream:
         return {"inputs": self._filter.count, "images": self._stray_images}
 
     def add_input(self, columns: Columns, log_ns: int) -> None:
-        """Adds input messages of the models.
+        """Adds recorded input messages, from which the models are driven.
 
         Args:
             columns: their fields, (N,) each.
@@ -158,7 +158,7 @@ class ReplayStream:
         self._keep_for_nodes(name, recorded)
 
     def add_states(self, states: Sequence[RecordedState]) -> None:
-        """Adds recorded states of the estimator."""
+        """Adds recorded EstimatorState messages."""
         if self.setting.known is not None:
             self.setting.known.add(states)
 

@@ -171,7 +171,7 @@ class Verifier:
         self._unknown.append(_Unknown(after_ns, 2**62, why))
 
     def find(self, until_ns: int) -> None:
-        """Resumes the comparison after a stamp [ns]."""
+        """Resumes the comparison for messages after a stamp [ns]."""
         if self._unknown:
             self._unknown[-1] = self._unknown[-1]._replace(until_ns=until_ns)
 
@@ -199,7 +199,7 @@ class Verifier:
         self._pairs(recorded.rows(left), replayed.rows(right))
 
     def result(self, causes: Sequence[str] = (), rounds_otherwise: bool = False) -> Verification:
-        """Returns the result of the comparison so far.
+        """Returns the result of comparing recorded and replayed messages so far.
 
         Args:
             causes, rounds_otherwise: see Verification.
@@ -277,7 +277,7 @@ class Messages(NamedTuple):
     columns: Columns
 
     def rows(self, chosen: NDArray[Any] | slice) -> Messages:
-        """Returns selected messages."""
+        """Returns the messages with the given indices, in a mask or in a slice."""
         return Messages(self.stamps[chosen], {n: c[chosen] for n, c in self.columns.items()})
 
 

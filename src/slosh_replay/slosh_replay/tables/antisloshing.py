@@ -72,7 +72,7 @@ _FLOAT_FIELDS = (
 def import_antisloshing(
     folder: Path, output: Path, progress: Callable[[str], None] = lambda run: None
 ) -> list[Path]:
-    """Writes one bag for each run of the data set.
+    """Writes one bag for each run of the public AntiSloshing data set.
 
     Args:
         folder: holds `heights/` and `poses/`.
@@ -152,7 +152,7 @@ def read_arm(folder: Path) -> RecordedArm | None:
 def import_run(
     heights: Path, poses: Path, bag: Path, run: str, arm: RecordedArm | None = None
 ) -> None:
-    """Writes the bag of one run.
+    """Writes the bag of one run of the AntiSloshing data set.
 
     Args:
         heights, poses: its files.

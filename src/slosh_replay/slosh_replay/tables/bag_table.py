@@ -74,7 +74,7 @@ class TableSettings:
 
 
 class BagTable(NamedTuple):
-    """The motion table of a bag, with remarks.
+    """The motion table of a bag, with remarks on the conversion.
 
     Attributes:
         table: the table.
@@ -186,7 +186,7 @@ class TableHeights:
         self._wall_stamps, self._walls = array("q"), array("d")
 
     def add_walls(self, messages: list[Any]) -> None:
-        """Adds wall heights from PointCloud2 messages."""
+        """Adds measured wall heights from PointCloud2 messages."""
         for message in messages:
             stamp = int(message.header.stamp.sec) * SECOND + int(message.header.stamp.nanosec)
             self._add_wall(stamp, message)
@@ -319,7 +319,7 @@ def _beside(
 
 
 def _decoded(reader: BagReader, block: MessageBlock) -> list[Any]:
-    """Returns the decoded messages of a block."""
+    """Returns the messages of a block, each decoded to an object."""
     return [reader.decode(message) for message in messages_of(block)]
 
 

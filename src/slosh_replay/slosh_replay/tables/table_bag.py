@@ -53,7 +53,7 @@ _UNKNOWN_FIELDS = (
 
 
 class TableImport(NamedTuple):
-    """Result of importing a table.
+    """Result of converting a motion table to a bag.
 
     Attributes:
         bag: the bag's folder.
@@ -167,7 +167,7 @@ def table_times(nanoseconds: Stamps) -> Array:
 
 
 class _TableMessages:
-    """Creates the messages of a table."""
+    """Creates the ROS messages of a motion table's rows."""
 
     def __init__(self, path: Path, table: MotionTable, definitions: Definitions) -> None:
         self.definitions = definitions
@@ -185,7 +185,7 @@ class _TableMessages:
         self._makers = {topic: (kind, makers[topic]) for topic, kind in self.topics().items()}
 
     def topics(self) -> dict[str, str]:
-        """Message types by relative topic name."""
+        """Message types of the written topics, by relative topic name."""
         table = self._table
         topics = {ACCEL: ACCEL_TYPE}
         if table.attitude is not None or table.angular_velocity is not None:

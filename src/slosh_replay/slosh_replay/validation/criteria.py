@@ -34,7 +34,7 @@ class Acceptance:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Results of a recording, and the reason why it may be unable to prove anything.
+    """Results of a recording, and the reason why they may prove nothing, such as lost messages.
 
     Attributes:
         recording: its data and results.

@@ -51,7 +51,7 @@ class IndexRow:
 
     @property
     def link(self) -> str:
-        """Relative link to the run's page."""
+        """Relative link from the index to the run's page."""
         return f"{quote(self.name)}.html"
 
 

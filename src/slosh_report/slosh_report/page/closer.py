@@ -26,7 +26,7 @@ _TIME_DIGITS, _HEIGHT_DIGITS = 4, 3  # of seconds and millimetres
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A line in an interactive chart.
+    """A line in an interactive chart: name, colour, values and style.
 
     Attributes:
         name: in the chart's key.
@@ -78,7 +78,7 @@ def series_element(t: Array, charts: Mapping[str, Sequence[Row]], limit: float |
 
 
 def _kept(t: Array, series: Sequence[Array]) -> NDArray[np.intp]:
-    """Selects the samples to embed: known ones, and only the extremes of long series."""
+    """Selects the samples to embed: finite ones, and only the extremes of long series."""
     known = np.flatnonzero(np.any([np.isfinite(values) for values in series], axis=0))
     if len(known) <= MOST_SAMPLES:
         return known

@@ -50,7 +50,7 @@ def make_environment(package: str) -> Environment:
 
 @dataclass(frozen=True, slots=True)
 class Script:
-    """A script that is embedded in a report page and allowed by its hash in the CSP.
+    """A script embedded in a report page and allowed by its hash in the content security policy.
 
     Attributes:
         element: the <script> element.
@@ -62,7 +62,7 @@ class Script:
 
 
 def script(package: str, name: str) -> Script:
-    """Reads a script from a package's folder.
+    """Reads a JavaScript file from the folder of a package.
 
     Args:
         package: whose folder holds it.

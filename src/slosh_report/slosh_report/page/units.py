@@ -70,7 +70,7 @@ def shown(value: float | None, unit: str, digits: int | None = None) -> str:
 
 
 def unit_style(unit: str) -> UnitDisplay:
-    """Returns how values of a unit are displayed.
+    """Returns scale, decimals and sign for displaying values of a unit.
 
     Raises:
         SloshReportError: it is not one of UNITS.

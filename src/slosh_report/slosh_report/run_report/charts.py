@@ -166,7 +166,7 @@ def _backdrop(axes: Any, report: RunReport) -> None:
 
 
 def _shade(axes: Any, spans: Spans, colour: str) -> None:
-    """Shades all visible time spans as one area."""
+    """Shades the visible time spans of a chart, drawn as one shape."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 

@@ -53,7 +53,7 @@ class AzimuthSeries:
 
 @dataclass(frozen=True, slots=True)
 class RunReport:
-    """Everything that a report page shows.
+    """Everything that the HTML report of a run shows.
 
     Attributes:
         title, subtitle: headings.

@@ -1,4 +1,4 @@
-"""Converts a report to JSON-compatible values."""
+"""Converts a run's report to JSON-compatible values."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _OFTEN = {1: "once", 2: "twice", 3: "three times"}
 
 
 def report_document(report: RunReport, *, series: bool = False) -> dict[str, Any]:
-    """Returns the report as nested dicts and lists.
+    """Returns a run's report as nested dictionaries and lists.
 
     Every number that the page shows in a `<data>` element is in here: the element's `data-path`
     is its JSON pointer (RFC 6901) and its `value` is the number, to the last bit.

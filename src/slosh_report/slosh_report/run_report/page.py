@@ -1,4 +1,4 @@
-"""Renders a report as an HTML page."""
+"""Renders the report of a run as an HTML page."""
 
 from __future__ import annotations
 

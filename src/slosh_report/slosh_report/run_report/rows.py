@@ -12,7 +12,7 @@ INFINITE = float("inf")
 
 
 class RunVerdict(StrEnum):
-    """Result of checking a run."""
+    """Result of checking a run: passed, failed, or no expected values to compare with."""
 
     PASSED = "passed"
     FAILED = "failed"
@@ -21,7 +21,7 @@ class RunVerdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """Overall status of a run.
+    """Overall status of a run, as shown at the top of the report page.
 
     Attributes:
         verdict: of all checks together.
@@ -34,7 +34,7 @@ class Status:
 
 @dataclass(frozen=True, slots=True)
 class CheckRow:
-    """A checked number and its expected range.
+    """A checked number of a run, with its expected range.
 
     Attributes:
         name: what it is, for example "MAE 3D-NL".
@@ -158,7 +158,7 @@ class Fact:
 
 @dataclass(frozen=True, slots=True)
 class ExcessSpan:
-    """A time span in which a limit was exceeded.
+    """A time span in which the liquid's height exceeded a limit.
 
     Attributes:
         source: what exceeded it: "measured", "estimated", "disagreement".

@@ -11,7 +11,7 @@ from slosh_report.run_report.rows import Fact
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A number in a table.
+    """A number in a table, with unit, digits and prefix.
 
     Attributes:
         value: in SI units; NaN: unknown.
@@ -36,7 +36,7 @@ Cell: TypeAlias = str | Number
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column of a table.
+    """A column of a printed table: heading, width and alignment.
 
     Attributes:
         head: its heading, with the unit.
@@ -70,7 +70,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """Labelled texts of a document."""
+    """Pairs of a label and a text in a printed document."""
 
     rows: tuple[Fact, ...]
 

@@ -71,7 +71,7 @@ class SignedFile:
 
 @dataclass(frozen=True, slots=True)
 class Peak:
-    """The greatest measured height of a span, with its uncertainty.
+    """The greatest measured height of a time span, with its uncertainty.
 
     Attributes:
         height: [m]; NaN: nothing was measured.
@@ -86,7 +86,7 @@ class Peak:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """Data and results of one recording.
+    """Data and results of one recording in a validation report.
 
     Attributes:
         name: of the recording.

@@ -95,7 +95,7 @@ def _new_file(report: ValidationReport, digest: str) -> Any:
         """PDF document with A4 pages; its footer has title, digest and page number."""
 
         def footer(self) -> None:
-            """Writes the footer of a page."""
+            """Writes title, digest and page number at the bottom of a page."""
             self.set_y(-BOTTOM + 5.0)
             self.set_draw_color(*RULE)
             self.line(MARGIN, self.get_y() - 1.5, MARGIN + WIDTH, self.get_y() - 1.5)
@@ -128,7 +128,7 @@ def _font_folder() -> Path:
 
 
 def _fitting(pdf: Any, text: str, width: float) -> str:
-    """Shortens a text to a width [mm]."""
+    """Shortens a text to a given width on paper [mm]."""
     text = readable(text)
     while text and pdf.get_string_width(text) > width:
         text = text[:-2] + "…"

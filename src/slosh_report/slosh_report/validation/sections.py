@@ -30,7 +30,7 @@ _HEAVY: Final = 8
 
 
 def sections(report: ValidationReport, digest: str) -> tuple[Section, ...]:
-    """Returns the report's sections in printing order.
+    """Returns the sections of a validation report in printing order.
 
     Args:
         report: what is signed.
@@ -54,7 +54,7 @@ def sections(report: ValidationReport, digest: str) -> tuple[Section, ...]:
 
 
 def summary(report: ValidationReport) -> str:
-    """Returns one sentence about the verdict."""
+    """Returns one sentence about the verdict of a validation report."""
     counts = [
         f"{sum(one.verdict is verdict for one in report.criteria)} {verdict.value}"
         for verdict in Verdict

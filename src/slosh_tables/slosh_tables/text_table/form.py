@@ -28,7 +28,7 @@ _NAMES: Final = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "|", " ": 
 
 @dataclass(slots=True)
 class Rows:
-    """The heading and the rows of a table.
+    """Heading, unit row and data rows of a text table, read one by one.
 
     Attributes:
         heading: names as they stand there.
@@ -84,7 +84,7 @@ class Rows:
 
 
 def read_form(path: Path, text: Iterable[str], options: TableOptions) -> Rows:
-    """Detects the format of a table.
+    """Detects separator, heading and comments of a text table.
 
     Args:
         path: of the table; for what is said of it.
@@ -130,7 +130,7 @@ def name_of(separator: str) -> str:
 
 
 def split(lines: Iterable[str], separator: str) -> Iterator[list[str]]:
-    """Splits lines into cells."""
+    """Splits lines of a table into cells at the separator."""
     if separator == " ":
         return (line.replace('"', "").split() for line in lines)
     return csv.reader(lines, delimiter=separator)

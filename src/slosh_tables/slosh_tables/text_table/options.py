@@ -20,7 +20,7 @@ class TableWarning(UserWarning):
 
 
 def warn(line: str) -> None:
-    """Issues a Python warning about an assumption."""
+    """Issues a Python warning about an assumption on a table's format."""
     warnings.warn(line, TableWarning, stacklevel=2)
 
 
@@ -62,7 +62,7 @@ class TableOptions:
 
     @property
     def words(self) -> list[str]:
-        """Returns the options as words for a command line."""
+        """Returns the table options as words of a command line."""
         pairs = ",".join(f"{name}={given}" for name, given in self.columns.items())
         names = {
             value: name for name, value in reversed(tuple(SEPARATORS.items())) if len(name) != 2

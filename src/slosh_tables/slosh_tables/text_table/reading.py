@@ -33,7 +33,7 @@ _THOUSANDS: Final = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TextTable:
-    """Columns of a table from a text file.
+    """Columns of numbers read from a text table.
 
     Attributes:
         path: of its file.
@@ -297,7 +297,7 @@ class _Numbers:
         return np.frombuffer(self._values, np.float64).reshape(-1, len(self._columns))
 
     def read(self) -> None:
-        """Reads all rows of the table.
+        """Reads all rows of the table as numbers.
 
         Raises:
             SloshFileError: a cell is no number, or there are no rows or too many.
