@@ -30,7 +30,7 @@ def commanded_velocity(motion: CellMotion) -> Array:
             f"{motion.name}: turns the container: a governor takes velocities only"
         )
     found: Array = scipy.integrate.cumulative_trapezoid(
-        motion.acceleration, motion.t, axis=0, initial=0.0
+        motion.acceleration, motion.t, axis=0, initial=0
     )
     return found
 

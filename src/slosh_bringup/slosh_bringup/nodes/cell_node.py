@@ -147,13 +147,13 @@ class CellNode(PreparedNode):
             self._info = camera_info(calibration)
         self._push = Push(given["push_at"], given["push"]) if given["push_at"] >= 0.0 else None
         self._play_governed: GovernedPlay | None = None
-        published = PUBLISHED
+        published = list(PUBLISHED)
         if given["govern"]:
             period = 1.0 / given["govern"]
             cup = GovernedCup(self._model, given["rate"], period, self._push)
             self._play_governed = GovernedPlay(self, self._motion, cup, period)
             self._noise = np.random.default_rng(given["seed"])
-            published = (*PUBLISHED, COMMANDED)
+            published.append(COMMANDED)
         self._pub = {
             topic: self.create_publisher(kind, topic, profile)
             for topic, kind, profile in published
