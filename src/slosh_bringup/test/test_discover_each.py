@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from example_finding import example_finding, example_inputs, example_motion
 
 from slosh_bringup import discovery_task
 from slosh_bringup.cli.main import main
@@ -21,6 +20,7 @@ from slosh_discovery.discover.finding import Verdict
 from slosh_discovery.discovering import DiscoveryRequest
 from slosh_tables.motion_table import MotionTable, write_motion_table
 from slosh_testing.commands import complaint
+from slosh_testing.example_finding import example_finding, example_inputs, example_motion
 
 MODEL = str(config_folder() / "model.yaml")
 BAGS = Path(__file__).parents[3] / "bags"
