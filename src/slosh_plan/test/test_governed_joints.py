@@ -13,7 +13,15 @@ from slosh_estimator.robot import available
 from slosh_model import Cylinder, Model, simulate
 from slosh_model.tray import Tray, TrayContainer
 from slosh_plan.errors import SloshPlanError
-from slosh_plan.governor import Command, GovernedArm, Governor, GovernorState, StopReason, kernel
+from slosh_plan.governor import (
+    Command,
+    GovernedArm,
+    Governor,
+    GovernorState,
+    StopReason,
+    chain,
+    kernel,
+)
 from slosh_plan.governor.parameters import joint_command
 from slosh_plan.governor.robot_arm import with_defaults
 from slosh_plan.joints import Arm
@@ -46,6 +54,14 @@ def run(governor, commands, start=1):
             governor.take(command._replace(stamp_ns=now))
         moved.append(governor.step(now))
     return moved
+
+
+def test_the_motion_of_the_frame_is_that_of_pinocchio(arm):
+    motion, found = np.random.default_rng(0).normal(size=(3, 4)), np.empty((3, 3))
+    chain.tip(arm.chain, motion, found)
+    velocity, acceleration, place = motion
+    expected = arm.arm.tip(arm.limits.names, place, velocity, acceleration)
+    assert found[[2, 0, 1]] == pytest.approx(expected, abs=1e-12)
 
 
 def targets(seed, count=200):

@@ -9,7 +9,10 @@ from __future__ import annotations
 
 import math
 
-from slosh_base.compiled.compilation import compiled
+import numpy as np
+from numba.types import void
+
+from slosh_base.compiled.compilation import CHANGED_2, GIVEN_2, compiled, entry_point
 from slosh_model.constants import GRAVITY
 from slosh_plan.governor.layout import (
     ALONG,
@@ -108,6 +111,18 @@ def _felt(r, force, point, felt):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def _joint_step(r, joint, motion):  # type: ignore[no-untyped-def]
+    """Returns a joint's axis and the way to it [m] in the root's axes, its position and rate."""
+    column, factor = int(joint[COLUMN]), joint[TIMES]
+    at, rate = factor * motion[PLACE, column] + joint[OFFSET], factor * motion[VELOCITY, column]
+    axis = _times(r, joint[ALONG], joint[ALONG + 1], joint[ALONG + 2])
+    step = _times(r, joint[STEP], joint[STEP + 1], joint[STEP + 2])
+    slid = at * joint[SLIDES]
+    step = (step[0] + slid * axis[0], step[1] + slid * axis[1], step[2] + slid * axis[2])
+    return axis, step, at, rate
+
+
+@compiled
 def felt_at(joints, points, motion, felt, moved):  # type: ignore[no-untyped-def]
     """Computes the acceleration of points on a robot's last link from its joint motion [m/s²].
 
@@ -123,13 +138,8 @@ def felt_at(joints, points, motion, felt, moved):  # type: ignore[no-untyped-def
     spin, change, force = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for number in range(joints.shape[0]):
         joint = joints[number]
-        column, factor = int(joint[COLUMN]), joint[TIMES]
-        at = factor * motion[PLACE, column] + joint[OFFSET]
-        v, a = factor * motion[VELOCITY, column], factor * motion[RATE, column]
-        slid = at * joint[SLIDES]
-        axis = _times(r, joint[ALONG], joint[ALONG + 1], joint[ALONG + 2])
-        step = _times(r, joint[STEP], joint[STEP + 1], joint[STEP + 2])
-        step = (step[0] + slid * axis[0], step[1] + slid * axis[1], step[2] + slid * axis[2])
+        axis, step, at, v = _joint_step(r, joint, motion)
+        a = joint[TIMES] * motion[RATE, int(joint[COLUMN])]
         force = _carried(force, spin, change, step)
         across = _cross(spin, axis)
         if joint[SLIDES] != 0.0:
@@ -152,3 +162,27 @@ def felt_at(joints, points, motion, felt, moved):  # type: ignore[no-untyped-def
         point = points[number]
         there = _times(r, point[0], point[1], point[2])
         _felt(r, _carried(force, spin, change, there), point, felt[number])
+
+
+@entry_point(void(GIVEN_2, GIVEN_2, CHANGED_2))
+def tip(joints, motion, found):  # type: ignore[no-untyped-def]
+    """Computes velocity, acceleration and position of a robot's last link from its joint motion.
+
+    Args:
+        joints, motion: see `felt_at`.
+        found: (3, 3) receives them by rows, in the axes of the robot's root [m/s, m/s², m].
+    """
+    felt_at(joints, np.empty((0, 4)), motion, np.empty((0, 3)), found[RATE])
+    r, spin = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+    found[VELOCITY], found[PLACE] = 0.0, 0.0
+    for number in range(joints.shape[0]):
+        joint = joints[number]
+        axis, step, at, rate = _joint_step(r, joint, motion)
+        slides = joint[SLIDES]
+        carried = _cross(spin, step)
+        for k in range(3):
+            found[VELOCITY, k] += carried[k] + slides * rate * axis[k]
+            found[PLACE, k] += step[k]
+        rate *= 1.0 - slides
+        spin = (spin[0] + rate * axis[0], spin[1] + rate * axis[1], spin[2] + rate * axis[2])
+        r = _turned(r, joint, at)

@@ -18,6 +18,7 @@ from slosh_model.standing_use import StandingMasses
 from slosh_model.tray import ARM, Tray, TrayContainer
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.governor import layout
+from slosh_plan.governor.waves import kind_of
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.tray import limits_of
 from slosh_plan.tuning import TUNING
@@ -137,6 +138,7 @@ def _fill(row: Array, cup: Cup, spacing: float) -> None:
     model = cup.model
     fastest = max(mode.natural_frequency for mode in model.mode_constants())
     row[layout.LIMIT], row[layout.SIZE] = cup.limits.height, len(store_of(model))
+    row[layout.WAVE] = kind_of(model)
     row[layout.DRIVEN] = bool(model.uses("drive"))
     row[layout.MODULATED] = bool(model.uses("modulation"))
     row[layout.STEPS] = math.ceil(spacing * fastest / (2.0 * TUNING.governor_phase))

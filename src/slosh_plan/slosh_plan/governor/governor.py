@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from slosh_model.tray import Tray, TrayContainer
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.governor import cups as containers
 from slosh_plan.governor import kernel, layout
+from slosh_plan.governor.chain import tip
 from slosh_plan.governor.commands import (
     Command,
     Governed,
@@ -23,6 +23,7 @@ from slosh_plan.governor.commands import (
     SeenLiquid,
     StopReason,
 )
+from slosh_plan.governor.past import PastLiquid
 from slosh_plan.governor.robot_arm import NO_JOINTS, GovernedArm
 from slosh_plan.heights import first_period
 from slosh_plan.planning.limits import PlanLimits
@@ -86,8 +87,9 @@ class Governor:
         self._seen_cup = not tray.first.empty
         self.model, self.limits = self._cups[0].model, self._cups[0].limits
         self.period, self.timeout, self.arm = period, timeout, arm
-        self._factors = (doubt or ModelDoubt()).factors
-        self._stores = containers.stores_of(self._cups, self._factors)
+        factors = (doubt or ModelDoubt()).factors
+        self._frequencies = np.array([frequency for frequency, _ in factors])
+        self._stores = containers.stores_of(self._cups, factors)
         per_row, fastest = containers.spacing_of(self._cups, period)
         spacing = per_row * period
         slowest = max(first_period(cup.model) for cup in self._cups)
@@ -118,7 +120,7 @@ class Governor:
         if arm is not None:
             self._motion[layout.PLACE] = arm.start
             self._settle()
-        self._past: deque[tuple[int, Array, Array]] = deque(maxlen=TUNING.governor_past)
+        self._past = PastLiquid(self._stores[: layout.MODELS, : int(self._table[0, layout.SIZE])])
         self._command: Command | None = None
         self._latest = Command(0)
         self._came = False
@@ -127,8 +129,8 @@ class Governor:
         self._taken_ns = self._last_ns = -(2**62)
         self._steps = self._commands = self._liquid_ns = 0
         self._reason = StopReason.NONE
-        kernel.govern.load()
-        kernel.relive.load()
+        for one in (kernel.govern, kernel.relive, tip):
+            one.load()
 
     def take(self, command: Command) -> None:
         """Stores a command, which replaces the previous one; the next step uses it."""
@@ -186,7 +188,7 @@ class Governor:
             self._seen = None
         follow = self._reason is StopReason.NONE and self._command is not None
         wanted = self._velocity() if follow else np.zeros(self._motion.shape[1])
-        self._past.append((now_ns, self._stores.copy(), self._chosen.copy()))
+        self._past.add(now_ns, self._stores, self._chosen[int(self._table[0, layout.POINT])])
         unsafe = kernel.govern(
             self._stores, self._stop, self._motion, self._state, wanted, follow, self._settings,
             self._bounds, self._table, self._joints, self._points, self._ranks,
@@ -274,29 +276,20 @@ class Governor:
 
     def _use(self, liquid: SeenLiquid) -> None:
         """Sets the first container's models to an observed state, simulated up to the present."""
-        size = int(self._table[0, layout.SIZE])
-        modes = divided(self._stores[0, :size])[1]
-        known = liquid.modal.shape == (len(modes), 4) and np.isfinite(liquid.modal).all()
-        behind = []
-        for past in reversed(self._past):
-            if past[0] < liquid.stamp_ns:
-                break
-            behind.append(past)
-        oldest_ns = self._past[0][0] if self._past else math.inf
-        if not self._seen_cup or not known or not behind or oldest_ns > liquid.stamp_ns:
+        stores = self._stores[: layout.MODELS, : int(self._table[0, layout.SIZE])]
+        count = self._past.since(liquid.stamp_ns)
+        known = liquid.modal.shape == (len(divided(stores[0])[1]), 4)
+        if not (self._seen_cup and count and known and np.isfinite(liquid.modal).all()):
             return
-        behind.reverse()
         self._liquid_ns = liquid.stamp_ns
-        self._state[layout.BOUND] = math.inf
+        self._state[layout.SEEN] = 1.0
         self._table[0, layout.EXTRA] = TUNING.governor_stddevs * liquid.stddev
-        _, stores, _ = behind[0]
-        point = int(self._table[0, layout.POINT])
-        inputs = [one[2][point] for one in behind[1:]] + [self._chosen[point]]
-        begun = stores[: layout.MODELS, :size].copy()
-        scales = np.array([(liquid.frequency_factor / own) ** 2 for own, _ in self._factors])
+        begun, felt = self._past.last(count)
+        felt[-1] = self._chosen[int(self._table[0, layout.POINT])]
+        scales = (liquid.frequency_factor / self._frequencies) ** 2
         modal = np.ascontiguousarray(liquid.modal, dtype=np.float64)
-        kernel.relive(begun, scales, modal, np.array(inputs), self.period)
-        self._stores[: layout.MODELS, :size] = begun
+        kernel.relive(begun, scales, modal, felt, self.period)
+        stores[:] = begun
 
     def _governed(self, now_ns: int, *, share: float, safe: bool) -> Governed:
         """Creates the result of a step from the present motion and heights."""
@@ -323,12 +316,11 @@ class Governor:
 
     def _moved(self) -> tuple[tuple[float, ...], ...]:
         """Returns velocity, acceleration and position of the container's origin, (3,) each."""
-        velocity, acceleration, place = self._motion
+        moved = self._motion
         if self.arm is not None:
-            place, velocity, acceleration = self.arm.arm.tip(
-                self.arm.limits.names, place, velocity, acceleration
-            )
-        return tuple(tuple(one.tolist()) for one in (velocity, acceleration, place))
+            moved = np.empty((3, AXES))
+            tip(self._joints, self._motion, moved)
+        return tuple(map(tuple, moved.tolist()))
 
     def stopped(self) -> list[Governed]:
         """Simulates a stop until the container is at rest; returns the result of each step.

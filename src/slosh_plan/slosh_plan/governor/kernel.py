@@ -46,6 +46,7 @@ from slosh_plan.governor.layout import (
     PLAN,
     POINT,
     REST,
+    SEEN,
     SHARE,
     SIZE,
     SPACING,
@@ -97,7 +98,13 @@ def _is_held(plan):  # type: ignore[no-untyped-def]
 @compiled
 def _is_known(plan, state):  # type: ignore[no-untyped-def]
     """Whether a candidate is the stored stop and already verified, so it needs no simulation."""
-    return _is_held(plan) and state[BOUND] <= 1.0
+    return _is_held(plan) and state[BOUND] <= 1.0 and state[SEEN] == 0.0
+
+
+@compiled
+def _is_known_of_others(plan, state):  # type: ignore[no-untyped-def]
+    """Whether it is the verified stop, but the first liquid has been observed since then."""
+    return _is_held(plan) and state[BOUND] <= 1.0 and state[SEEN] != 0.0
 
 
 @compiled
@@ -152,7 +159,7 @@ def _to_front(row, value):  # type: ignore[no-untyped-def]
 
 
 @compiled_apart
-def _verified(one, moves, cups, settings, ranks, whole, told):  # type: ignore[no-untyped-def]
+def _verified(one, plan, begun, moves, cups, ranks, exact, told):  # type: ignore[no-untyped-def]
     """Simulates a candidate with all models; returns the largest fraction of a limit it reaches.
 
     Containers that were nearest to their limits are looked at first; the first that exceeds one
@@ -160,22 +167,28 @@ def _verified(one, moves, cups, settings, ranks, whole, told):  # type: ignore[n
 
     Args:
         one: the candidate.
+        plan: (PLAN,) of it; of the held stop only what is not known is looked at.
+        begun: see `_prepared`.
         moves: see `_best_of_all`.
-        cups, settings: see `govern`.
+        cups: see `govern`.
         ranks: (C, RANKS); changed.
-        whole: whether shares above 1 are wanted, too; else they may be lower bounds.
+        exact: greater shares may be lower bounds.
         told: (C, USES) receives the uses; NaN: not looked at.
     """
     stores, driven, ends, intervals, _ = moves
+    settings, bound = begun[3], begun[1][BOUND]
+    alone = _is_known_of_others(plan, begun[1])
     which, models = np.array([one]), np.arange(MODELS)
     count = min(ends[one] + _tail(settings), intervals.shape[0])
     own, order = np.full((CANDIDATES, USES), math.nan), ranks[:, ORDER].copy()
     told[:] = math.nan
-    most, critical = -1.0, order[0]
+    most, critical = bound if alone else -1.0, order[0]
     for cup in order:
+        if alone and cup > 0:
+            continue
         part = stores[cup * MODELS : (cup + 1) * MODELS]
         model = add_uses(
-            part, cups[cup], driven, which, models, ends, intervals, count, settings, whole, own
+            part, cups[cup], driven, which, models, ends, intervals, count, settings, exact, own
         )
         _to_front(ranks[cup, WORST:], model)
         told[cup] = own[one]
@@ -196,9 +209,9 @@ def _screened(moves, kept, cups, settings, bound, ranks, shares):  # type: ignor
     if which.shape[0] > 0:
         cup, count = ranks[0, ORDER], min(ends[which].max() + _tail(settings), intervals.shape[0])
         part = stores[cup * MODELS : (cup + 1) * MODELS]
-        models = ranks[cup, WORST:]
+        models = ranks[cup, WORST:].copy()
         add_uses(
-            part, cups[cup], driven, which, models, ends, intervals, count, settings, True, own
+            part, cups[cup], driven, which, models, ends, intervals, count, settings, math.inf, own
         )
     for one in range(CANDIDATES):
         shares[one] = bound if kept[one] == KNOWN else own[one, USE]
@@ -210,13 +223,13 @@ def _best_part(plans, begun, moves, rows, cups, ranks, told):  # type: ignore[no
 
     The last candidate is the held stop. What is not looked at is taken to be as its neighbours.
     """
-    settings, bound, trial = begun[3], begun[1][BOUND], told.copy()
+    trial = told.copy()
     best, use, above, below = HELD, math.inf, -1, HELD
     while above + 1 < below:
         one = (above + below) // 2
         found = math.inf
         if _prepared(one, plans[one], begun, moves, rows[one]) == JUDGED:
-            found = _verified(one, moves, cups, settings, ranks, False, trial)
+            found = _verified(one, plans[one], begun, moves, cups, ranks, 1.0, trial)
         if found <= 1.0:
             best, use, below = one, found, one
             told[:] = trial
@@ -225,34 +238,37 @@ def _best_part(plans, begun, moves, rows, cups, ranks, told):  # type: ignore[no
     if best == HELD:
         told[:] = math.nan
         known = _prepared(HELD, plans[HELD], begun, moves, rows[HELD]) == KNOWN
-        use = bound if known else _verified(HELD, moves, cups, settings, ranks, True, told)
+        use = begun[1][BOUND]
+        if not known:
+            use = _verified(best, plans[best], begun, moves, cups, ranks, math.inf, told)
     return best, use
 
 
 @compiled
-def _best_of_all(moves, kept, cups, settings, bound, ranks, follow, last, told):  # type: ignore[no-untyped-def]
+def _best_of_all(plans, begun, moves, kept, cups, ranks, follow, last, told):  # type: ignore[no-untyped-def]
     """Returns the index of the best candidate, and the largest fraction of a limit it reaches.
 
     Few models tell which are surely unsafe; the best of the others are verified by all models.
 
     Args:
+        plans: (CANDIDATES, PLAN).
+        begun: see `_prepared`.
         moves: all models, what drives containers in each candidate, its rows until it is at rest,
             and the intervals and times of rows.
         kept: (CANDIDATES,) what `_prepared` returns.
-        cups, settings: see `govern`.
-        bound: share that the held stop uses, if it is known.
+        cups: see `govern`.
         ranks: (C, RANKS); changed.
         follow: whether the command counts.
         last: whether no other candidates follow: then something is told in any case.
         told: (C, USES) receives what the best one uses.
     """
-    shares, rests = np.empty(CANDIDATES), moves[4][moves[2] - 1]
-    _screened(moves, kept, cups, settings, bound, ranks, shares)
+    shares, rests, settings = np.empty(CANDIDATES), moves[4][moves[2] - 1], begun[3]
+    _screened(moves, kept, cups, settings, begun[1][BOUND], ranks, shares)
     best = _best(shares, kept, rests, settings, follow)
     for _ in range(VERIFIED):
         if kept[best] != JUDGED or not shares[best] <= 1.0:
             break
-        shares[best] = _verified(best, moves, cups, settings, ranks, False, told)
+        shares[best] = _verified(best, plans[best], begun, moves, cups, ranks, 1.0, told)
         if shares[best] <= 1.0:
             return best, shares[best]
         best = _best(shares, kept, rests, settings, follow)
@@ -262,7 +278,7 @@ def _best_of_all(moves, kept, cups, settings, bound, ranks, follow, last, told):
     best = _best(shares, kept, rests, settings, follow)
     told[:] = math.nan
     if last and kept[best] == JUDGED:
-        shares[best] = _verified(best, moves, cups, settings, ranks, True, told)
+        shares[best] = _verified(best, plans[best], begun, moves, cups, ranks, math.inf, told)
     return best, shares[best]
 
 
@@ -324,11 +340,11 @@ def govern(  # type: ignore[no-untyped-def]
             for one in range(CANDIDATES):
                 kept[one] = _prepared(one, plans[one], begun, moves, rows[one])
             best, use = _best_of_all(
-                moves, kept, cups, settings, state[BOUND], ranks, follow, block == OTHERS, told
+                plans, begun, moves, kept, cups, ranks, follow, block == OTHERS, told
             )
         answer[TRIED] += 1.0
         block += 1
-    state[BOUND] = use
+    state[BOUND], state[SEEN] = use, 0.0
     if plans[best, KIND] == 1.0:
         state[DURATION : DURATION + 3] = plans[best, LAW:]
     answer[SHARE] = plans[best, PART]

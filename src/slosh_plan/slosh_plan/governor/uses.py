@@ -1,6 +1,6 @@
 """Compiled fractions of a container's limits (height, friction, tipping) that a motion reaches.
 
-Heights come from `slosh_model.batch_kernel`, a lane for each model and candidate. What a loosely
+Heights come from `governor.lane_heights`, a lane for each model and candidate. What a loosely
 standing container needs of friction and of its base is computed as in
 `slosh_model.standing_use`, from the displacement of the liquid's mass that the heights tell.
 """
@@ -12,23 +12,21 @@ import math
 import numpy as np
 
 from slosh_base.compiled.compilation import compiled, compiled_apart
-from slosh_model.batch_kernel import advance_lanes
 from slosh_model.constants import GRAVITY
-from slosh_model.indices import GAIN, GAIN_Y, POSE_COUNT
-from slosh_model.kernel import constants_of, highest_on_wall, lightness, turned
+from slosh_model.indices import GAIN, GAIN_Y
+from slosh_model.kernel import constants_of, lightness, turned
 from slosh_model.layout import records
+from slosh_plan.governor.lane_heights import add_heights
 from slosh_plan.governor.layout import (
     ARM_X,
     BASE,
     CENTRE,
-    DRIVEN,
     EXTRA,
     FRICTION,
     LIGHT,
     LIMIT,
     MASS_POINT,
     MASS_X,
-    MODULATED,
     NOMINAL,
     PEAK,
     POINT,
@@ -36,10 +34,10 @@ from slosh_plan.governor.layout import (
     SIZE,
     SLIP,
     SPREAD,
-    STEPS,
     TIP,
     USE,
 )
+from slosh_plan.governor.waves import LANES
 
 BEYOND = 1.0 + 1e-9
 """Least share of a limit that a motion uses which was not looked at to its end."""
@@ -48,80 +46,7 @@ LEAST = 1e-3
 
 
 @compiled
-def _simulated(  # type: ignore[no-untyped-def]
-    stores, cup, driven, which, models, intervals, count, ceiling, heights
-):
-    """Simulates the wall heights of several models in several candidate motions.
-
-    Returns:
-        for how many rows: fewer than `count` after a height beyond the ceiling [m].
-    """
-    lanes, size = which.shape[0] * models.shape[0], int(cup[SIZE])
-    copies = np.empty((lanes, size))
-    rows = np.empty(lanes, dtype=np.int64)
-    for lane in range(lanes):
-        for k in range(size):
-            copies[lane, k] = stores[models[lane % models.shape[0]], k]
-        rows[lane] = lane // models.shape[0]
-    inputs = np.empty((which.shape[0], count, 3))
-    for one in range(which.shape[0]):
-        for row in range(count):
-            inputs[one, row] = driven[which[one], int(cup[POINT]), row]
-    counts = np.full(count - 1, int(cup[STEPS]))
-    return advance_lanes(
-        copies, counts, np.zeros(lanes, dtype=np.int64), rows,
-        intervals[: count - 1].copy().reshape(1, count - 1), inputs,
-        np.empty((0, count)), np.empty((0, count, POSE_COUNT)), cup[DRIVEN] != 0.0,
-        cup[MODULATED] != 0.0, heights, ceiling,
-    )  # fmt: skip
-
-
-@compiled
-def _at_any_phase(run, x, y):  # type: ignore[no-untyped-def]
-    """Returns the largest wall height [m] of waves along x and y whose phases are unknown.
-
-    Args:
-        run: the container's record of `layout.RUN`.
-        x, y: their amplitudes in the axes of the modes [m].
-    """
-    if run["corner_count"] == 0.0:  # alike in all quadrants
-        return highest_on_wall(run, x, y)
-    best = 0.0
-    for along, across in ((x, y), (x, -y), (-x, y), (-x, -y)):
-        height_x, height_y = turned(along, across, -run["axes"])
-        best = max(best, highest_on_wall(run, height_x, height_y))
-    return best
-
-
-@compiled
-def _highest(heights, count, end, run, mode):  # type: ignore[no-untyped-def]
-    """Returns the largest wall height [m] of one simulation; inf if a height is unknown.
-
-    After a stop waves along two axes with different frequencies may meet with their crests at any
-    time: the highest of both add.
-    """
-    beating = run["cornered"] != 0.0 or mode["frequency_ratio"] != 1.0 or mode["along_x"] != 0.0
-    top = last_x = last_y = 0.0
-    if not beating and run["corner_count"] == 0.0:
-        for row in range(1, count):
-            square = heights[row, 0] * heights[row, 0] + heights[row, 1] * heights[row, 1]
-            top = max(top, square) if square == square else math.inf
-        return math.sqrt(top)
-    for row in range(1, count):
-        x, y = heights[row, 0], heights[row, 1]
-        if x != x or y != y:
-            return math.inf
-        if beating and row >= end - 1:
-            x, y = turned(x, y, run["axes"])
-            last_x, last_y = max(last_x, abs(x)), max(last_y, abs(y))
-            top = max(top, _at_any_phase(run, last_x, last_y))
-        else:
-            top = max(top, highest_on_wall(run, x, y))
-    return top
-
-
-@compiled
-def _displacements(store, heights, felt, count, placed):  # type: ignore[no-untyped-def]
+def _displacements(store, heights, lane, felt, count, placed):  # type: ignore[no-untyped-def]
     """Computes the displacement of the first mode's mass at each sample from the wall heights.
 
     In the axes of the mode.
@@ -132,7 +57,7 @@ def _displacements(store, heights, felt, count, placed):  # type: ignore[no-unty
     placed[0, 0], placed[0, 1] = modes[0]["x"], modes[0]["y"]
     still_x, still_y = run["static_height"], run["static_height_y"]
     for row in range(1, count):
-        x, y = turned(heights[row, 0], heights[row, 1], run["axes"])
+        x, y = turned(heights[row, 0, lane], heights[row, 1, lane], run["axes"])
         if still_x != 0.0 or still_y != 0.0:
             light = lightness(run["lift"], felt[row, 2])
             ax, ay = turned(felt[row, 0], felt[row, 1], run["axes"])
@@ -208,7 +133,7 @@ def _raised(values, models, settings):  # type: ignore[no-untyped-def]
 
 @compiled_apart
 def add_uses(  # type: ignore[no-untyped-def]
-    stores, cup, driven, which, models, ends, intervals, count, settings, whole, uses
+    stores, cup, driven, which, models, ends, intervals, count, settings, exact, uses
 ):
     """Stores in `uses` the fractions of a container's limits that candidate motions reach.
 
@@ -222,20 +147,22 @@ def add_uses(  # type: ignore[no-untyped-def]
         intervals: time from a row to the next [s].
         count: of the rows that are looked at.
         settings: (SETTINGS,).
-        whole: whether shares are wanted if they exceed a limit; else they are lower bounds then.
+        exact: shares above it may be lower bounds, 1 or infinite.
         uses: (CANDIDATES, USES); the rows of these candidates are written.
 
     Returns:
         the model that uses most in the last of the candidates.
     """
     lanes = models.shape[0]
-    heights = np.empty((which.shape[0] * lanes, count, 2))
-    ceiling = math.inf if whole else cup[LIMIT]
-    done = _simulated(stores, cup, driven, which, models, intervals, count, ceiling, heights)
+    heights, highest = np.empty((count, 2, LANES)), np.zeros(which.shape[0] * lanes)
+    ceiling = (exact * cup[LIMIT] - cup[EXTRA]) / (1.0 + settings[RESERVE])
+    done = add_heights(
+        stores, cup, driven, which, models, ends, intervals, count, max(ceiling, 0.0), heights,
+        highest,
+    )  # fmt: skip
     exceeded = BEYOND if done < count else 0.0
     count = done
-    runs, modes = records(stores[0, : int(cup[SIZE])])
-    loose = cup[FRICTION] > 0.0
+    axes, loose = records(stores[0, : int(cup[SIZE])])[0][0]["axes"], cup[FRICTION] > 0.0
     tops, slips, tips = np.zeros(lanes), np.zeros(lanes), np.zeros(lanes)
     placed, pushing = np.empty((count, 2)), np.empty((count, 2))
     pressing, weights = np.empty((count, 2)), np.empty((count, 3))
@@ -244,23 +171,25 @@ def add_uses(  # type: ignore[no-untyped-def]
     worst = 0
     for one in range(which.shape[0]):
         candidate, most = which[one], -1.0
-        pressed = driven[candidate, int(cup[MASS_POINT])]
-        if loose:
-            _pressures(pressed, runs[0]["axes"], count, pushing, pressing)
+        found, pressed = uses[candidate], driven[candidate, int(cup[MASS_POINT])]
         for n in range(lanes):
-            lane = heights[one * lanes + n]
-            tops[n] = _highest(lane, count, ends[candidate], runs[0], modes[0])
-            if loose:
-                store = stores[models[n], : int(cup[SIZE])]
-                _displacements(store, lane, driven[candidate, int(cup[POINT])], count, placed)
-                slips[n], tips[n] = _standing(cup, placed, pushing, weights, pressing, count)
-            share = max(tops[n] / cup[LIMIT], max(slips[n], tips[n]))
-            if share > most:
-                worst, most = models[n], share
-        found = uses[candidate]
+            tops[n] = highest[one * lanes + n]
         found[PEAK], found[NOMINAL] = _raised(tops, models, settings) + cup[EXTRA], tops[0]
         found[USE] = max(found[PEAK] / cup[LIMIT], exceeded)
-        if loose:
+        stands = loose and found[USE] <= exact
+        if stands:
+            _pressures(pressed, axes, count, pushing, pressing)
+        for n in range(lanes):
+            share = tops[n] / cup[LIMIT]
+            if stands:
+                store = stores[models[n], : int(cup[SIZE])]
+                felt = driven[candidate, int(cup[POINT])]
+                _displacements(store, heights, one * lanes + n, felt, count, placed)
+                slips[n], tips[n] = _standing(cup, placed, pushing, weights, pressing, count)
+                share = max(share, max(slips[n], tips[n]))
+            if share > most:
+                worst, most = models[n], share
+        if stands:
             found[SLIP] = _raised(slips, models, settings)
             found[TIP] = _raised(tips, models, settings)
             found[USE] = max(found[USE], max(found[SLIP], found[TIP]))
