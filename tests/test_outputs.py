@@ -507,6 +507,7 @@ ALLOWED = {
     "slosh_bag/mcap_files/mcap_file.py": "makes files that are new, and removes its own",
     "slosh_bag/store/stored_bags.py": "removes old bags of a cell's runs",
     "slosh_bag/recorder.py": "the space that it reserves beside the bag's files",
+    "slosh_bringup/finished_work.py": "removes its own notes",
     "slosh_bringup/processes.py": "a node's log, in the folder of its run",
     "slosh_bringup/cli/quiet_decoders.py": "open(os.devnull)",
     "slosh_bringup/simulate/chart.py": "savefig into a NewFile",

@@ -78,7 +78,7 @@ def replay_one(bag: Path) -> float:
 
 
 def discover_one(output: str, bag: Path) -> float:
-    """Examines the motions of a bag; returns the time that it took [s]."""
+    """Runs a discovery from the motions of a bag; returns the time taken [s]."""
     begin = time.perf_counter()
     discovery_task(DiscoveryRequest((bag,), Path(output, bag.name), from_bag=True))
     return time.perf_counter() - begin

@@ -1,4 +1,4 @@
-"""Examines the recordings of a discovery together, or each by itself as a task of its own."""
+"""Runs one discovery for all recordings together, or one task for each recording."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from slosh_tables.motion_table import SUFFIXES, is_motion_table
 
 @dataclass(frozen=True, slots=True)
 class Discovered:
-    """Summary of the discovery in one recording.
+    """Summary of the result of a discovery from one recording.
 
     Attributes:
         name: of its folder of results.
@@ -65,7 +65,7 @@ def examine(
     request: DiscoveryRequest, folder: Path, tell: Tell, progress: Progress | None,
     threads: int | None,
 ) -> tuple[DiscoveryReport, str]:  # fmt: skip
-    """Runs a discovery and writes its files; returns its report and its JSON document.
+    """Runs a discovery and writes its files; returns the report and the JSON document.
 
     Args:
         request: what is asked.
@@ -83,7 +83,7 @@ def examine(
 
 
 def each_recording(request: DiscoveryRequest) -> list[DiscoveryRequest]:
-    """Returns a request for each recording and table of a request, with absolute paths.
+    """Splits a request into one request for each recording or table, with absolute paths.
 
     The results of each go to a folder of its own in the output folder, named after it.
 
@@ -106,7 +106,7 @@ def each_recording(request: DiscoveryRequest) -> list[DiscoveryRequest]:
 
 
 def discovery_task(request: DiscoveryRequest) -> Discovered:
-    """Examines one recording, unless an earlier run has; can run in another process.
+    """Runs a discovery from one recording, unless an earlier run has finished it.
 
     Its results appear as a whole, and it is noted as finished after them.
 
@@ -144,7 +144,7 @@ def discovery_task(request: DiscoveryRequest) -> Discovered:
 
 
 def remove_unfinished_discoveries(requests: Sequence[DiscoveryRequest]) -> None:
-    """Removes temporary files that killed processes have left in the folders of results."""
+    """Deletes temporary files of killed processes from the result folders."""
     for request in requests:
         remove_unfinished(request.output)
         with suppress(OSError):  # not empty: it holds results, or was never made
@@ -152,7 +152,7 @@ def remove_unfinished_discoveries(requests: Sequence[DiscoveryRequest]) -> None:
 
 
 def _state(request: DiscoveryRequest) -> str:
-    """Returns a digest of all that a discovery's result depends on."""
+    """Returns a digest of all data and settings that affect a discovery's result."""
     inputs = [*request.data, *(file for path in request.holdout for file in files_at(path))]
     files = [one for path in inputs for one in _files(path)]
     options = (request.from_bag, request.most, sorted(request.groups.items()))

@@ -1,13 +1,13 @@
-"""Notes of finished items beside their results: a repeated run does only what is left."""
+"""Records which items of a run are finished, so that a repeated run skips these items."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
-import shutil
 import types
 import typing
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from enum import Enum
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -21,7 +21,7 @@ NOTES: Final = ".finished"
 
 
 class FinishedWork:
-    """Notes of the finished items of a run over many, one file each.
+    """Records of the finished items of a run over many items, one file for each item.
 
     A note has a digest of what its item's result depends on, and a summary of the result. It is
     written after the result, as a whole, by whichever process has worked on the item.
@@ -34,7 +34,7 @@ class FinishedWork:
         self._folder = folder / NOTES
 
     def find(self, name: str, state: str, kind: type[Value]) -> Value | None:
-        """Returns the summary of a finished item, or None if it is not finished or has changed.
+        """Returns a finished item's summary; None if it is unfinished or its data have changed.
 
         Args:
             name: of the item.
@@ -48,11 +48,11 @@ class FinishedWork:
             return None  # none, or one that a machine without power has spoilt: done again
 
     def has(self, name: str) -> bool:
-        """Returns whether an item was begun or finished before, in this state or another."""
+        """Returns whether an earlier run began or finished the item, with any data."""
         return self._note(name).is_file()
 
     def begin(self, name: str) -> None:
-        """Notes that an item's results are about to be written: they may be replaced from now on.
+        """Records that an item is begun, so that a later run may replace its results.
 
         Raises:
             OSError: the note cannot be written; it bears the path.
@@ -61,7 +61,7 @@ class FinishedWork:
             self.note(name, "", None)
 
     def note(self, name: str, state: str, value: object) -> None:
-        """Notes that an item is finished, with a summary of its result.
+        """Records that an item is finished, with a summary of its result.
 
         Raises:
             OSError: the note cannot be written; it bears the path.
@@ -71,15 +71,18 @@ class FinishedWork:
         write_text(self._note(name), text + "\n")
 
     def forget(self) -> None:
-        """Removes all notes: the next run works on every item again."""
-        shutil.rmtree(self._folder, ignore_errors=True)
+        """Deletes all records, so that the next run processes every item again."""
+        for note in self._folder.glob("*.json"):
+            note.unlink(missing_ok=True)
+        with suppress(OSError):  # there is none, or it holds what is no note
+            self._folder.rmdir()
 
     def _note(self, name: str) -> Path:
         return self._folder / f"{name}.json"
 
 
 def encoded(value: Any) -> Any:
-    """Returns a value of dataclasses, tuples, mappings and paths as JSON has it."""
+    """Converts dataclasses, tuples, mappings and paths to JSON-compatible values."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = dataclasses.fields(value)
         return {field.name: encoded(getattr(value, field.name)) for field in fields}
@@ -93,7 +96,7 @@ def encoded(value: Any) -> Any:
 
 
 def decoded(kind: Any, value: Any) -> Any:
-    """Returns a value of JSON as a type annotation says; the inverse of `encoded`.
+    """Converts a JSON value to an annotated type; the inverse of `encoded`.
 
     Raises:
         LookupError, TypeError, ValueError: it is no such value.

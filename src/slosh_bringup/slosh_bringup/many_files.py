@@ -131,7 +131,7 @@ def attempt(function: Callable[[Item], Value], item: Item) -> tuple[Value | None
 def _attempt_all(
     function: Callable[[Item], Value], items: Sequence[Item]
 ) -> tuple[list[tuple[Value | None, str]], float]:
-    """Calls the function with each item; returns values and errors, and the time taken [s]."""
+    """Calls the function for each item; returns results or errors, and the duration [s]."""
     begin = time.perf_counter()
     return [attempt(function, item) for item in items], time.perf_counter() - begin
 

@@ -1,4 +1,4 @@
-"""Divides many items among tasks: few enough for a scheduler, small enough to end together.
+"""Groups many items into tasks of about equal duration, which become shorter at the end.
 
 A scheduler takes some milliseconds for a task, however short it is. So a task gets as many items
 as take TASK_SECONDS, by the time that the tasks before it have taken, but no more than a share of
@@ -23,7 +23,7 @@ REMEMBERED: Final = 0.5
 
 
 class Batches(Generic[Item]):
-    """Items in their order, divided among tasks.
+    """Groups items, in order, into tasks for the workers of a cluster.
 
     Args:
         items: all items.
@@ -38,7 +38,7 @@ class Batches(Generic[Item]):
         self._seconds: float | None = None  # of an item of weight 1
 
     def take(self, workers: int) -> list[tuple[int, Item]]:
-        """Returns the items of the next task, each with its number; empty: there are none left.
+        """Returns the numbered items of the next task; empty if no items are left.
 
         Args:
             workers: number of workers that share what is left.
@@ -56,7 +56,7 @@ class Batches(Generic[Item]):
         return batch
 
     def learn(self, batch: Sequence[tuple[int, Item]], seconds: float) -> None:
-        """Tells how long a task took.
+        """Updates the expected duration of an item from a finished task.
 
         Args:
             batch: its items.
@@ -70,6 +70,6 @@ class Batches(Generic[Item]):
 
 
 def _weights(sizes: Sequence[float]) -> list[float]:
-    """Returns the expected durations of items, in units of their mean: half of it by size."""
+    """Returns the items' expected durations relative to their mean, from their sizes."""
     mean = sum(sizes) / len(sizes) if sizes else 0.0
     return [0.5 + 0.5 * size / mean if mean else 1.0 for size in sizes]

@@ -3,6 +3,7 @@
 import importlib
 import json
 import os
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -167,15 +168,17 @@ def test_processes_give_the_same_and_a_killed_one_costs_its_own_recording(
     monkeypatch.setenv("PYTHONPATH", path.rstrip(os.pathsep))
     work = importlib.import_module("each_work")
     serial, parallel = tmp_path / "serial", tmp_path / "processes"
-    bags = tuple(BAGS / name for name in ("l", "c3", "l3"))
+    bags = tuple(BAGS / name for name in ("l", "c3"))
     requests = each_recording(DiscoveryRequest(bags, parallel, from_bag=True))
     found = list(map_files(work.discover_or_die, requests, jobs=2, sizes=[1.0] * len(requests)))
     del sys.modules["each_work"]
     assert {one.item.output.name: one.error for one in found if one.error} == {"c3": KILLED}
     words = ["discover", "--each", "--from-bag", *map(str, bags)]
     assert main([*words, "-o", str(parallel), "--jobs", "2"]) == 0
-    assert capsys.readouterr().err.count("examined before") == 2
-    assert main([*words, "-o", str(serial), "--jobs", "1"]) == 0
+    assert capsys.readouterr().err.count("examined before") == 1
+    # In a process of its own: this one's OpenBLAS may have several threads, which round otherwise.
+    command = [sys.executable, "-m", "slosh_bringup.cli", *words, "-o", str(serial), "--jobs", "1"]
+    subprocess.run(command, check=True, capture_output=True)
     results = contents(serial)
     assert len(results) > 3 * len(requests)
     assert contents(parallel) == {

@@ -1,4 +1,4 @@
-"""Digest of the state of files: it changes with them."""
+"""Computes a digest by which a change of files is detected."""
 
 from __future__ import annotations
 

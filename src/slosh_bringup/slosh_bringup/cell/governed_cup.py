@@ -1,4 +1,4 @@
-"""Moves the simulated container as a governor tells it, with its reference liquid."""
+"""Moves the simulated container and its reference liquid by the governor's output."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from slosh_plan.heights import msh_of
 
 
 def commanded_velocity(motion: CellMotion) -> Array:
-    """Returns the velocity (N, 3) [m/s] of a motion from rest, as an operator commands it.
+    """Returns the velocity (N, 3) [m/s] of a motion from rest, as commanded by an operator.
 
     Raises:
         SloshBringupError: the motion turns the container, which no velocity does.
@@ -30,7 +30,7 @@ def commanded_velocity(motion: CellMotion) -> Array:
             f"{motion.name}: turns the container: a governor takes velocities only"
         )
     found: Array = scipy.integrate.cumulative_trapezoid(
-        motion.acceleration, motion.t, axis=0, initial=0.0
+        motion.acceleration, motion.t, axis=0, initial=0
     )
     return found
 
@@ -40,7 +40,7 @@ LATE = 1.5
 
 
 class CupSample(NamedTuple):
-    """Motion of the container at one moment.
+    """Acceleration, velocity and position of the container at one time.
 
     Attributes:
         t: time since the governor's first step [s].
@@ -55,7 +55,7 @@ class CupSample(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class GovernedOutcome:
-    """How far a governed motion is from its commands, and what its liquid did.
+    """Comparison of a governed motion with its commands: distance and liquid height.
 
     Attributes:
         limit: of the height, that the governor keeps [m].
@@ -79,15 +79,15 @@ class GovernedOutcome:
 
     @property
     def slower(self) -> float:
-        """Part by which the mean speed is below that of the commands; NaN: they are at rest."""
+        """Relative reduction of the mean speed by the governor; NaN if no motion is commanded."""
         return 1.0 - self.distance / self.commanded if self.commanded > 0.0 else math.nan
 
     def document(self) -> dict[str, float]:
-        """Returns the values for JSON."""
+        """Returns the values as a dictionary for JSON, in SI units."""
         return asdict(self)
 
     def rows(self) -> dict[str, str]:
-        """Returns the values as text by what they are."""
+        """Returns the values as texts for display, by name."""
         reached = f"at most {1e3 * self.highest:.1f} mm of {1e3 * self.limit:g} mm"
         slower = f", {1e2 * self.slower:.0f} % slower than commanded" if self.slower > 0.0 else ""
         found = {
@@ -101,7 +101,7 @@ class GovernedOutcome:
 
 
 class GovernedStep(NamedTuple):
-    """What a governor says of the motion at the end of one of its steps.
+    """Velocity and acceleration that a governor sets for the end of one of its steps.
 
     Attributes:
         number: of the step, from 1.
@@ -116,7 +116,7 @@ class GovernedStep(NamedTuple):
 
 
 class GovernedCup:
-    """Container that follows the velocity of a governor's steps.
+    """Simulated container that follows the velocities of a governor's steps.
 
     Between two steps the acceleration is linear in time, as the governor has it. Where a step
     comes early or late, all of it is a little higher or lower, so that the velocity is reached.
@@ -145,7 +145,7 @@ class GovernedCup:
         return self._last.t
 
     def move(self, step: GovernedStep) -> list[CupSample]:
-        """Moves the container to the end of a step; returns its samples since the last one.
+        """Moves the container to the end of a step; returns the samples of this motion.
 
         Raises:
             SloshBringupError: a step or a time that is not after the last one, or a velocity or
@@ -179,7 +179,7 @@ class GovernedCup:
         return [self._reach(*pair) for pair in zip(t[1:].tolist(), rows[1:], strict=True)]
 
     def _reach(self, t: float, acceleration: Array) -> CupSample:
-        """Moves to the next sample, with constant jerk; advances the liquid."""
+        """Moves the container to the next sample with constant jerk, and advances the liquid."""
         last = self._last
         after, a, v = t - last.t, last.acceleration, last.velocity
         here = CupSample(

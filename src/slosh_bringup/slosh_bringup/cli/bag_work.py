@@ -17,7 +17,7 @@ JOBS: Final = "number of processes (default: one per core; one for small bags)"
 
 
 def add_work_options(parser: argparse.ArgumentParser, jobs: str = JOBS) -> None:
-    """Adds the options `--jobs` and `--scheduler`: where, and in how many processes, to work.
+    """Adds the options `--jobs` (number of processes) and `--scheduler` (Dask cluster).
 
     Args:
         parser: of the command.
@@ -31,7 +31,7 @@ def add_work_options(parser: argparse.ArgumentParser, jobs: str = JOBS) -> None:
 
 
 class BagWork(NamedTuple):
-    """How to divide work on bags: arguments of `map_files`.
+    """How work on bags is distributed among processes; arguments of `map_files`.
 
     Attributes:
         jobs: number of processes on this machine; None: one for each core, or a scheduler's.
@@ -47,7 +47,7 @@ class BagWork(NamedTuple):
 def work_of(
     bags: Sequence[Path], arguments: argparse.Namespace, worth: float = WORTH_PROCESSES
 ) -> BagWork:
-    """Returns how to divide the work on bags.
+    """Returns how the work on bags is distributed, from the command-line options.
 
     Args:
         bags: folders or files.
@@ -63,11 +63,11 @@ def work_of(
 
 
 def named_error(bag: Path, error: str) -> str:
-    """Returns why the work on a bag has failed; a killed process, say, could not name the bag."""
+    """Describes in one line why a bag could not be processed, with the bag's path."""
     return error if str(bag) in error else f"{bag}: {error}"
 
 
 def _size(bag: Path) -> float:
-    """Returns the size of a bag's readable files [bytes]."""
+    """Returns the total size of a bag's readable files [bytes]."""
     files = (bag, *bag.glob("*.mcap"))
     return float(sum(path.stat().st_size for path in files if path.is_file()))

@@ -66,8 +66,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--governor", action="store_true",
-        help="command the motion's velocity to the governor node; the container moves as that "
-        "allows, below 20 mm",
+        help="send the motion's velocity as commands to the governor node, and move the container "
+        "by its output, which keeps the sloshing height below 20 mm",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the results as JSON")
     add_watch(parser)

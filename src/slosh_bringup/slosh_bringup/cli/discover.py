@@ -77,8 +77,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--each", action="store_true",
-        help="examine each recording or table of DATA by itself, with a folder of results for "
-        "each; an interrupted run is continued by repeating it",
+        help="run a separate discovery for each recording or table of DATA, with its own result "
+        "folder; repeat the command to continue an interrupted run",
     )  # fmt: skip
     add_work_options(
         parser,
@@ -118,7 +118,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _examine_each(request: DiscoveryRequest, arguments: argparse.Namespace) -> int:
-    """Examines each recording by itself; continues if one cannot be examined."""
+    """Runs a discovery for each recording separately; continues if one fails."""
     from slosh_bringup.many_files import map_files
 
     requests = each_recording(request)
@@ -152,7 +152,7 @@ def _examine_each(request: DiscoveryRequest, arguments: argparse.Namespace) -> i
 
 
 def _tell(outcome: Outcome) -> None:
-    """Prints the notes on a recording, or why it could not be examined, on standard error."""
+    """Prints a recording's notes, or why its discovery failed, on standard error."""
     found, path = outcome.value, outcome.item.data[0]
     lines = (
         [named_error(path, outcome.error)]
@@ -166,7 +166,7 @@ def _tell(outcome: Outcome) -> None:
 
 
 def _row(outcome: Outcome) -> dict[str, Any]:
-    """Returns the result of a recording for JSON, without what differs in a repeated run."""
+    """Returns a recording's result for JSON, without values that differ in a repeated run."""
     recording = str(outcome.item.data[0])
     if outcome.value is None:
         return {"recording": recording, "error": outcome.error}
@@ -176,7 +176,7 @@ def _row(outcome: Outcome) -> dict[str, Any]:
 
 
 def _table(outcomes: Sequence[Outcome]) -> str:
-    """Formats verdict, effects, confidence and explained share of each recording."""
+    """Formats a table with verdict, effects, confidence and explained error by recording."""
     rows = [HEADS]
     for outcome in outcomes:
         one = outcome.value

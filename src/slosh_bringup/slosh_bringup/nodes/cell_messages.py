@@ -45,7 +45,7 @@ def accel_message(stamp: Any, acceleration: Array) -> AccelStamped:
 
 
 def twist_message(stamp: Any, velocity: Array) -> TwistStamped:
-    """Returns a TwistStamped with a velocity in world axes [m/s]."""
+    """Creates a TwistStamped message with a velocity in world axes [m/s]."""
     message = TwistStamped()
     message.header.stamp, message.header.frame_id = stamp, WORLD_FRAME
     linear = message.twist.linear

@@ -99,8 +99,8 @@ PARAMETERS = (
     ParameterSpec(
         "govern",
         0.0,
-        "steps per second of a governor that the motion's velocity is commanded to, its "
-        "parameter rate [Hz]; 0: the container moves as the motion says",
+        "rate of the governor that receives the motion's velocity as commands and moves the "
+        "container [Hz], equal to its parameter rate; 0: no governor",
         (0.0, 1000.0),
     ),
     ParameterSpec(
@@ -147,13 +147,13 @@ class CellNode(PreparedNode):
             self._info = camera_info(calibration)
         self._push = Push(given["push_at"], given["push"]) if given["push_at"] >= 0.0 else None
         self._play_governed: GovernedPlay | None = None
-        published = PUBLISHED
+        published = list(PUBLISHED)
         if given["govern"]:
             period = 1.0 / given["govern"]
             cup = GovernedCup(self._model, given["rate"], period, self._push)
             self._play_governed = GovernedPlay(self, self._motion, cup, period)
             self._noise = np.random.default_rng(given["seed"])
-            published = (*PUBLISHED, COMMANDED)
+            published.append(COMMANDED)
         self._pub = {
             topic: self.create_publisher(kind, topic, profile)
             for topic, kind, profile in published
@@ -281,7 +281,7 @@ class CellNode(PreparedNode):
                 due += 1
 
     def _follow(self, start_ns: int, play: GovernedPlay) -> None:
-        """Commands the motion and publishes the samples of what the governor makes of it."""
+        """Publishes the motion as commands, and samples of the motion that the governor allows."""
         every, noise = self._given["imu_every"], self._given["acceleration_noise"]
         still, upright, sent = np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), 0
 
@@ -303,7 +303,7 @@ class CellNode(PreparedNode):
         self._latest = play.late
 
     def _heights(self, t: float) -> tuple[float, float]:
-        """Returns the exact wall heights [m] at a time; waits for it where a governor moves."""
+        """Returns the exact wall heights [m] at a time; waits for the governor up to this time."""
         play = self._play_governed
         if play is None:
             return self._truth.at(t)

@@ -1,4 +1,4 @@
-"""Plays an operator's commands to the governor and moves the simulated container as it answers."""
+"""Publishes an operator's commands and moves the simulated container by the governor's output."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ RESTS = 5.0  # s; after the last command, until which the container must be at r
 
 
 class GovernedPlay:
-    """Commands of an operator, and the container that moves as the governor says.
+    """Publishes an operator's commands and moves a container by the governor's output.
 
     Args:
         node: of the simulated cell.
@@ -63,7 +63,7 @@ class GovernedPlay:
 
     @property
     def outcome(self) -> GovernedOutcome:
-        """What the motion and its liquid were, beside what was commanded."""
+        """Comparison of the governed motion and its liquid height with the commands."""
         return self.cup.outcome(self._motion, self.limit)
 
     @property
@@ -72,11 +72,11 @@ class GovernedPlay:
         return self._offset + self.cup.now if self.ended else math.inf
 
     def knows(self, t: float) -> bool:
-        """Returns whether the heights are known at a time since the start [s]."""
+        """Returns whether the wall heights are known at a time since the start [s]."""
         return self.ended or (self._begun_ns > 0 and t <= self._offset + self.cup.now)
 
     def heights(self, t: float) -> tuple[float, float]:
-        """Returns the heights at +x and +y [m] at a time since the start [s]."""
+        """Returns the wall heights at +x and +y [m] at a time since the start [s]."""
         return self.cup.at(t - self._offset)
 
     def run(
@@ -86,7 +86,7 @@ class GovernedPlay:
         send: Callable[[int, CupSample], None],
         stop: threading.Event,
     ) -> None:
-        """Plays until the container is at rest after the last command, or a stop is requested.
+        """Runs until the container is at rest after the last command, or a stop is requested.
 
         Args:
             start_ns: of the motion [ns].
@@ -122,14 +122,14 @@ class GovernedPlay:
         return 1e-9 * (self._begun_ns - self._start_ns) if self._begun_ns else 0.0
 
     def _command(self, now_ns: int, t: float) -> TwistStamped:
-        """Creates the command at a time since the start [s]."""
+        """Creates the velocity command at a time since the start [s]."""
         row = bisect.bisect_right(self._motion.t, t) - 1
         over = t > self._motion.duration
         wanted = np.zeros(3) if over else self._velocity[max(row, 0)]
         return twist_message(to_time(now_ns), wanted)
 
     def _follow(self) -> bool:
-        """Moves the container as the governor's new steps say; returns whether there are any."""
+        """Moves the container by the governor's new steps; returns False if there are none."""
         moved = False
         while not self._told.empty():
             told = self._told.get()
@@ -144,7 +144,7 @@ class GovernedPlay:
         return moved
 
     def _send_due(self, now_ns: int, send: Callable[[int, CupSample], None]) -> None:
-        """Sends the samples whose time has come."""
+        """Sends the sensor samples whose stamps are not in the future."""
         while self._due:
             stamp_ns = self._begun_ns + round(1e9 * self._due[0].t)
             if stamp_ns > now_ns:

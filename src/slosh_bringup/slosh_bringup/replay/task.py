@@ -122,7 +122,7 @@ class Replayed:
 
 
 def replay_task(task: Task) -> Replayed:
-    """Replays one bag and writes the requested outputs, unless an interrupted run has done so.
+    """Replays one bag and writes the requested outputs, unless an earlier run has done so.
 
     Raises:
         SloshBagError: it cannot be replayed.
@@ -141,7 +141,7 @@ def replay_task(task: Task) -> Replayed:
 
 
 def _state(task: Task) -> str:
-    """Returns a digest of all that a replay's result depends on."""
+    """Returns a digest of all data and settings that affect a replay's result."""
     files = [*bag_files(task.bag), *([] if task.model is None else [task.model])]
     return state_of(files, repr(task), version("slosh_bringup"))
 

@@ -140,7 +140,7 @@ class Checker:
         ]
 
     def _found(self, model: Model, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
-        """Simulates motions with a model, and how a loose container then stands."""
+        """Simulates motions with a model, with the used friction and base of a loose container."""
         found = checked(model, motions, self.attitude)
         if self.loose is None:
             return found
@@ -207,7 +207,7 @@ def heights_after(
 def standing_uses(
     models: Sequence[Model], motion: PlannedMotion, attitude: Array | None, loose: LooseContainer
 ) -> Iterator[StandingUse]:
-    """Simulates a motion with many models; yields the friction and support base that each uses.
+    """Simulates a motion with many models; yields the used friction and support base.
 
     Args:
         models, motion, attitude: as of `heights_after`.

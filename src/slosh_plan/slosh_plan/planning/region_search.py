@@ -89,7 +89,7 @@ def likely_standing(
     loose: LooseContainer,
     limits: tuple[float, float] = (1.0, 1.0),
 ) -> Array:
-    """Returns the shares (models, 2) of friction and base that a motion uses with many models.
+    """Returns the used fractions (models, 2) of friction and support base for many models.
 
     Where some models exceed a limit not all others are looked at; their shares are 0.
 

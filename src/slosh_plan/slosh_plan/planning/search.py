@@ -167,7 +167,7 @@ class OptimalSearch:
     def _solved(
         self, problem: PathSearch, guess: Legs, asked: PlanLimits, factors: Sequence[float]
     ) -> PathSolution | None:
-        """Optimises from a guess slowed by each factor, until one converges; None: time is up.
+        """Optimises from slowed guesses until one converges; None if the time limit is reached.
 
         From a motion at the very limits, which are now a little lower, the solver may not find
         back; a slower one is well within those of acceleration, jerk and joints.

@@ -51,7 +51,7 @@ def ingest(bag: Path, store: FleetStore) -> Ingested:
 
 
 def _state(bag: Path) -> str:
-    """Returns a digest of the path, sizes and times of a bag's files: it changes with the bag."""
+    """Returns a digest of a bag's path, file sizes and times, to detect a changed bag."""
     try:
         return state_of(bag_files(bag))
     except OSError as error:
