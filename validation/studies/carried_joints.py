@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import pinocchio  # type: ignore[import-untyped]
 from six_axes import CUP, urdf_of
 
 from slosh_base.types import Array
 from slosh_plan.governor import GovernedArm
 
+pinocchio: Any = importlib.import_module("pinocchio")
 PARTS = 4
 """Moments of a step that are looked at."""
 EXACT, TRIED = 1e-10, 12

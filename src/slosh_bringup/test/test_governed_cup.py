@@ -118,3 +118,25 @@ def test_a_governed_cup_stays_below_the_limit_that_its_commands_exceed(truth):
     assert found.commanded == pytest.approx(2 * 2 * np.pi * 0.25, rel=1e-3)
     assert "the commands alone" in found.rows()["governed height"]
     assert "% slower than commanded" in found.rows()["governed distance"]
+
+
+@pytest.mark.parametrize(
+    ("clock", "share"), [(1.0, 0.05), (1.0, 0.2), (1.1, 0.0), (1.5, 0.0), (0.9, 0.0), (0.8, 0.0)]
+)
+def test_steps_that_come_late_early_or_not_at_all_keep_the_limit(truth, clock, share):
+    """A clock that is slow or fast, and steps that are left out: the liquid lives in real time."""
+    motion = make_motion("c")
+    velocity = commanded_velocity(motion)
+    many = np.where(np.random.default_rng(1).random(900) < share, 2, 1)
+    governor = Governor(truth, PlanLimits(LIMIT, acceleration=6.0, jerk=200.0), period=PERIOD)
+    cup = GovernedCup(truth, 500.0, PERIOD)
+    for t in (clock * PERIOD * np.cumsum(many)).tolist():
+        now = round(1e9 * (1.0 + t))
+        row = [float(np.interp(t, motion.t, velocity[:, axis])) for axis in range(3)]
+        governor.take(Command(now, tuple(row)))
+        told = governor.step(now)
+        both = np.array(told.velocity), np.array(told.acceleration)
+        cup.move(GovernedStep(told.steps, t, *both))
+    found = cup.outcome(motion, LIMIT)
+    assert 0.6 * LIMIT < found.highest <= LIMIT
+    assert found.slower < 0.6

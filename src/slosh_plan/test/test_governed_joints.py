@@ -20,7 +20,7 @@ from slosh_plan.governor import (
     GovernorState,
     StopReason,
     chain,
-    kernel,
+    liquids,
 )
 from slosh_plan.governor.parameters import joint_command
 from slosh_plan.governor.robot_arm import with_defaults
@@ -116,7 +116,7 @@ def test_a_link_feels_what_pinocchio_says(arm):
     for _ in range(5):
         motion = rng.normal(size=(3, 4))
         felt = np.zeros((1, 3))
-        kernel.feel(arm.chain, np.array([[0.0, 0.0, 0.0, 1.0]]), motion, felt)
+        liquids.feel(arm.chain, np.array([[0.0, 0.0, 0.0, 1.0]]), motion, felt)
         names = arm.limits.names
         tip = arm.arm.tip(names, motion[2], motion[0], motion[1])
         _, (quaternion,) = arm.arm.poses(names, motion[2][np.newaxis])

@@ -14,7 +14,7 @@ from slosh_model.model import Model
 from slosh_model.tray import Tray, TrayContainer
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.governor import cups as containers
-from slosh_plan.governor import kernel, layout
+from slosh_plan.governor import kernel, layout, liquids
 from slosh_plan.governor.carrier import Carrier
 from slosh_plan.governor.chain import tip
 from slosh_plan.governor.commands import (
@@ -41,8 +41,10 @@ AXES = 3
 class Governor:
     """Limits commanded motions so that the liquid stays below its limit; advances step by step.
 
-    The liquid is at rest at the first step. It makes one step of `period` at each call, whatever
-    the times are; a step that comes late is a reason to stop.
+    The liquid is at rest at the first step. Each call makes one step of `period`. Where the steps
+    so far are late by a whole period, the robot has held its velocity for one: the liquid is
+    advanced by it first. Where they are early by one, the motion of the last step is repeated.
+    A step that comes late by itself is a reason to stop.
 
     >>> from slosh_model import Model
     >>> from slosh_plan.planning.limits import PlanLimits
@@ -132,11 +134,12 @@ class Governor:
         self._came = False
         self._seen: SeenLiquid | None = None
         self._origin: Array | None = None
-        self._taken_ns = self._last_ns = -(2**62)
+        self._taken_ns = self._last_ns = self._due_ns = -(2**62)
         self._steps = self._commands = self._liquid_ns = 0
         self._reason, self._lost = StopReason.NONE, False
         self._joint_start: tuple[float, ...] = ()
-        for one in (kernel.govern, kernel.relive, tip):
+        self._last: Governed | None = None
+        for one in (kernel.govern, liquids.relive, liquids.hold, tip):
             one.load()
 
     def take(self, command: Command) -> None:
@@ -213,7 +216,13 @@ class Governor:
             now_ns: the present moment [ns].
         """
         self._steps += 1
+        last, early = self._last, self._is_early(now_ns)
         self._look(now_ns)
+        if early and last is not None:
+            return last._replace(
+                stamp_ns=now_ns, reason=self._reason, steps=self._steps, commands=self._commands
+            )
+        self._make_up(now_ns)
         if self._seen is not None:
             self._use(self._seen)
             self._seen = None
@@ -231,7 +240,36 @@ class Governor:
         state = GovernorState.RESTING if self.rests else GovernorState.STOPPING
         if follow:
             state = GovernorState.FOLLOWING if share == 1.0 else GovernorState.LIMITED
-        return told._replace(state=state)
+        self._last = told._replace(state=state)
+        return self._last
+
+    def _is_early(self, now_ns: int) -> bool:
+        """Whether the steps so far are early by a period; not where the clock goes back."""
+        early = self._due_ns - now_ns > 0 and now_ns > self._last_ns
+        return early and not self.rests
+
+    def _make_up(self, now_ns: int) -> None:
+        """Advances the liquid by the periods that the steps so far are late.
+
+        Not by more than `timeout`: then the robot stops by itself.
+        """
+        period_ns = round(self.period * SECOND)
+        self._due_ns += period_ns
+        missed = (now_ns - self._due_ns) // period_ns
+        if self.rests or missed < -1:
+            self._due_ns = now_ns
+            return
+        for _ in range(min(missed, round(self.timeout / self.period))):
+            point = int(self._table[0, layout.POINT])
+            self._past.add(self._due_ns, self._stores, self._chosen[point])
+            liquids.hold(
+                self._stores, self._motion, self.period, self._table, self._joints, self._points,
+                *self._carrier.arrays[:-1], self._chosen,
+            )  # fmt: skip
+            self._state[layout.BOUND] = math.inf  # nobody has verified the stop from here
+            self._due_ns += period_ns
+        if missed > 0:
+            self._due_ns = now_ns - (now_ns - self._due_ns) % period_ns
 
     def _look(self, now_ns: int) -> None:
         """Sets the stop reason for a bad command, an old one or a late step; clears it at rest."""
@@ -302,7 +340,7 @@ class Governor:
     def _settle(self) -> None:
         """Brings the liquids to rest in containers that are tilted at the start."""
         assert self.arm is not None
-        kernel.feel(self._joints, self._points, self._motion, self._chosen)
+        liquids.feel(self._joints, self._points, self._motion, self._chosen)
         for number, store in enumerate(self._stores):
             cup = number // layout.MODELS
             row = self._table[cup]
@@ -324,7 +362,7 @@ class Governor:
         felt[-1] = self._chosen[int(self._table[0, layout.POINT])]
         scales = (liquid.frequency_factor / self._frequencies) ** 2
         modal = np.ascontiguousarray(liquid.modal, dtype=np.float64)
-        kernel.relive(begun, scales, modal, felt, self.period)
+        liquids.relive(begun, scales, modal, felt, self.period)
         stores[:] = begun
 
     def _governed(self, now_ns: int, *, share: float, safe: bool) -> Governed:

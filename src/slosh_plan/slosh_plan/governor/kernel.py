@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba.types import boolean, float64, int64, void
+from numba.types import boolean, int64
 
 from slosh_base.compiled.compilation import (
     CHANGED_1,
@@ -28,7 +28,6 @@ from slosh_base.compiled.compilation import (
 from slosh_model.kernel import UPRIGHT, advance
 from slosh_model.layout import records
 from slosh_plan.governor.carried import carry_on, eased, joints_keep, part
-from slosh_plan.governor.chain import felt_at
 from slosh_plan.governor.layout import (
     BOUND,
     CANDIDATES,
@@ -387,31 +386,3 @@ def govern(  # type: ignore[no-untyped-def]
         felt = chosen[int(cup[POINT])]
         advance(runs[0], modes, felt[0], felt[1], felt[2], 0.0, UPRIGHT, settings[PERIOD])
     return 0 if use <= 1.0 else 1
-
-
-@entry_point(void(GIVEN_2, GIVEN_2, CHANGED_2, CHANGED_2))
-def feel(joints, points, motion, felt):  # type: ignore[no-untyped-def]
-    """Computes the acceleration of points on a robot's last link; arguments as `chain.felt_at`."""
-    felt_at(joints, points, motion, felt, np.empty(3))
-
-
-@entry_point(void(CHANGED_2, GIVEN_1, GIVEN_2, GIVEN_2, float64))
-def relive(stores, scales, modal, felt, period):  # type: ignore[no-untyped-def]
-    """Sets all models of a container to a past observed state and simulates up to the present.
-
-    Args:
-        stores: (MODELS, …) as they were at the moment of the state; changed.
-        scales: (MODELS,) factors of the state.
-        modal: (modes, 4) x, y, vx, vy of each mode [m, m/s].
-        felt: (N, 3) accelerations since then, one a step [m/s²].
-        period: of a step [s].
-    """
-    for number in range(stores.shape[0]):
-        runs, modes = records(stores[number])
-        for n in range(modes.shape[0]):
-            mode, scale = modes[n], scales[number]
-            mode["x"], mode["y"] = scale * modal[n, 0], scale * modal[n, 1]
-            mode["vx"], mode["vy"] = scale * modal[n, 2], scale * modal[n, 3]
-        for row in range(felt.shape[0]):
-            x, y, z = felt[row, 0], felt[row, 1], felt[row, 2]
-            advance(runs[0], modes, x, y, z, 0.0, UPRIGHT, period)

@@ -1,0 +1,78 @@
+"""Compiled functions for the liquids apart from the governor's steps.
+
+They set the liquids to an observed state, and advance them over steps that were left out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba.types import float64, void
+
+from slosh_base.compiled.compilation import CHANGED_2, GIVEN_1, GIVEN_2, entry_point
+from slosh_model.kernel import UPRIGHT, advance
+from slosh_model.layout import records
+from slosh_plan.governor.carried import carry_on
+from slosh_plan.governor.chain import felt_at
+from slosh_plan.governor.layout import MODELS, PLACE, POINT, RATE, SIZE, VELOCITY
+
+
+@entry_point(void(GIVEN_2, GIVEN_2, CHANGED_2, CHANGED_2))
+def feel(joints, points, motion, felt):  # type: ignore[no-untyped-def]
+    """Computes the acceleration of points on a robot's last link; arguments as `chain.felt_at`."""
+    felt_at(joints, points, motion, felt, np.empty(3))
+
+
+@entry_point(void(CHANGED_2, GIVEN_1, GIVEN_2, GIVEN_2, float64))
+def relive(stores, scales, modal, felt, period):  # type: ignore[no-untyped-def]
+    """Sets all models of a container to a past observed state and simulates up to the present.
+
+    Args:
+        stores: (MODELS, …) as they were at the moment of the state; changed.
+        scales: (MODELS,) factors of the state.
+        modal: (modes, 4) x, y, vx, vy of each mode [m, m/s].
+        felt: (N, 3) accelerations since then, one a step [m/s²].
+        period: of a step [s].
+    """
+    for number in range(stores.shape[0]):
+        runs, modes = records(stores[number])
+        for n in range(modes.shape[0]):
+            mode, scale = modes[n], scales[number]
+            mode["x"], mode["y"] = scale * modal[n, 0], scale * modal[n, 1]
+            mode["vx"], mode["vy"] = scale * modal[n, 2], scale * modal[n, 3]
+        for row in range(felt.shape[0]):
+            x, y, z = felt[row, 0], felt[row, 1], felt[row, 2]
+            advance(runs[0], modes, x, y, z, 0.0, UPRIGHT, period)
+
+
+@entry_point(
+    void(
+        CHANGED_2, CHANGED_2, float64, GIVEN_2, GIVEN_2, GIVEN_2, GIVEN_2, GIVEN_2, GIVEN_1,
+        CHANGED_2, CHANGED_2,
+    )
+)  # fmt: skip
+def hold(  # type: ignore[no-untyped-def]
+    stores, motion, period, cups, joints, points, links, ranges, goal, carrying, chosen,
+):  # fmt: skip
+    """Advances motion and models by a period in which the robot holds its velocity.
+
+    The acceleration of the motion stays stored: the next step goes on from there.
+
+    Args:
+        stores: (C MODELS, …) the models of all containers; changed.
+        motion: (3, D); its position is changed.
+        period: [s].
+        cups, joints, points, links, ranges, goal, carrying: see `kernel.govern`.
+        chosen: (P, 3) receives the acceleration at each point [m/s²].
+    """
+    motion[PLACE] += period * motion[VELOCITY]
+    steady = motion.copy()
+    steady[RATE] = 0.0
+    chosen[:] = 0.0
+    if joints.shape[0] > 0:
+        felt_at(joints, points, steady, chosen, np.empty(3))
+    carry_on(steady, period, (links, ranges, goal, carrying, goal))
+    for number in range(stores.shape[0]):
+        cup = cups[number // MODELS]
+        runs, modes = records(stores[number, : int(cup[SIZE])])
+        felt = chosen[int(cup[POINT])]
+        advance(runs[0], modes, felt[0], felt[1], felt[2], 0.0, UPRIGHT, period)
