@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio
+import pinocchio  # type: ignore[import-untyped]
 from six_axes import CUP, urdf_of
 
 from slosh_base.types import Array
@@ -72,7 +72,8 @@ def joints_of(
 
 
 def _solved(jacobian: Array, vector: Array) -> Array:
-    return np.linalg.lstsq(jacobian, vector, rcond=SINGULAR)[0]  # type: ignore[no-any-return]
+    solved: Array = np.linalg.lstsq(jacobian, vector, rcond=SINGULAR)[0].astype(float)
+    return solved
 
 
 def carried_use(

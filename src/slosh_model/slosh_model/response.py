@@ -51,7 +51,7 @@ class Response(Shown):
 
     @property
     def azimuth(self) -> Array:
-        """Azimuth (N,) of the maximum [rad], in (-π, π] (DL22, eq. (26)).
+        """Azimuth (N,) of the highest liquid at the wall [rad], in (-π, π] (DL22, eq. (26)).
 
         In a rectangle that of its corner, or of a side's middle where all of it is as high.
         """

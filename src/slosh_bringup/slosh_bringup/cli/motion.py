@@ -30,7 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     parser.add_argument("profile", metavar="PROFILE", help=f"motion law: {', '.join(LAWS)}")
     parser.add_argument(
-        "--speed", type=SPEED, required=True, metavar="N", help="operating speed n [1/min]"
+        "--speed",
+        type=SPEED,
+        required=True,
+        metavar="N",
+        help="operating speed n: machine cycles per minute [1/min]",
     )
     parser.add_argument(
         "--stroke",

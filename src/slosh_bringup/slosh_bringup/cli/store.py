@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--delete", action="store_true",
-        help="delete the bags beyond these limits (default: only list them)",
+        help="delete the bags beyond --quota, --days and --event-days (default: only list them)",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the bags as JSON")
 

@@ -63,7 +63,7 @@ class SeamFinder:
         self._known = cv2.dilate(known, np.ones((3, 3), np.uint8)).astype(np.bool_)
 
     def steps(self, image: Image) -> Steps:
-        """Returns steps between image rows that are too sharp for a lens, as possible seams.
+        """Returns brightness steps between rows, too sharp for a lens, as in torn images.
 
         None without a still image: the container and what is around it may have edges as sharp.
         """

@@ -78,7 +78,7 @@ def _step(block, swing, dt, lift, density, q, u):  # type: ignore[no-untyped-def
 
 @compiled
 def propagated(blocks, one, two, begin, end):  # type: ignore[no-untyped-def]
-    """Propagates transition and noise of all modes over part of the time between two inputs."""
+    """Advances the accumulated transition and noise matrices of all modes from begin to end."""
     whole = two[TIME] - one[TIME]
     middle = (0.5 * (begin + end) - one[TIME]) / whole if whole > 0.0 else 1.0
     lift = one[LIFT] + middle * (two[LIFT] - one[LIFT])

@@ -59,7 +59,7 @@ def _exceeded(before, joints, k, interval, limits):  # type: ignore[no-untyped-d
 
 @compiled
 def _busiest(joints, limits):  # type: ignore[no-untyped-def]
-    """Returns the joint with the largest velocity relative to its limit."""
+    """Returns the index of the joint whose speed is the largest fraction of its limit."""
     best, most = 0, -1.0
     for k in range(joints.shape[1]):
         part = abs(joints[VELOCITY, k]) / limits[FASTEST, k]
@@ -82,7 +82,7 @@ def _refusing(before, joints, interval, limits, reached):  # type: ignore[no-unt
 
 @compiled
 def _tell(refused, joint, limit):  # type: ignore[no-untyped-def]
-    """Stores the joint and limit that a motion exceeds, unless an earlier one is stored."""
+    """Stores the joint and limit that a motion violates, unless an earlier violation is stored."""
     if refused[REFUSED_LIMIT] == 0.0:
         refused[REFUSED_JOINT], refused[REFUSED_LIMIT] = joint, limit
 

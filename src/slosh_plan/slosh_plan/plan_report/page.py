@@ -111,7 +111,7 @@ SERIES = {"speed": speed_series, "acceleration": acceleration_series, "jerk": je
 
 
 def heights_series(report: PlanReport) -> ChartSeries:
-    """Returns the chart data of the wall height and its limit."""
+    """Returns the chart data of the liquid's height at the wall and of its limit."""
     lines = [(one.times, one.found.msh) for one in drawn(report)]
     return ChartSeries("height [mm]", 1e3, lines, report.plan.limits.height)
 

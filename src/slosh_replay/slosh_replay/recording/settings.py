@@ -146,7 +146,7 @@ def after(known: NodeStart | None, news: NodeStart) -> NodeStart:
 def limits_over_time(
     starts: Sequence[NodeStart], node: str, meaning: Callable[[Mapping[str, Any]], T]
 ) -> tuple[T, list[tuple[int, T]]] | None:
-    """Returns a node's converted parameters at its last start and each change; None if unknown.
+    """Applies `meaning` to a node's parameters of its last start and each change; None if unknown.
 
     Args:
         starts: in the order of the recording.

@@ -379,7 +379,7 @@ def _columns(
         found[name] = np.full(len(block), value)
         whole = name.partition("[")[0]
         lacking.add(
-            f"{block.topic}: its messages are of an older version without {whole}, taken as {value}"
+            f"{block.topic}: messages of an older version, without {whole}, taken as {value}"
         )
     return found
 

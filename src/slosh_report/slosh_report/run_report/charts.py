@@ -166,7 +166,7 @@ def _backdrop(axes: Any, report: RunReport) -> None:
 
 
 def _shade(axes: Any, spans: Spans, colour: str) -> None:
-    """Shades the visible time spans of a chart, drawn as one shape."""
+    """Shades the given time spans as one shape; skips those outside the chart's time axis."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 
