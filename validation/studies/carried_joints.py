@@ -1,4 +1,4 @@
-"""The joints of an arm that carries a cup along a governed motion, by Pinocchio alone."""
+"""Computes the joints of an arm that carries a cup along a governed motion, with Pinocchio."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SINGULAR = 1e-7
 
 
 class Joints(NamedTuple):
-    """Positions, velocities and accelerations (N, J) of joints."""
+    """Positions, velocities and accelerations (N, J) of the arm's joints."""
 
     place: Array
     velocity: Array
@@ -32,7 +32,7 @@ class Joints(NamedTuple):
 def joints_of(
     arm: GovernedArm, velocity: Array, acceleration: Array, place: Array, period: float
 ) -> Joints | None:
-    """Returns the joints at PARTS moments of each step of a motion; None: they do not reach it.
+    """Returns the joints at PARTS times of each step; None if the motion is out of reach.
 
     Args:
         arm: at the start, with the cup upright; of `six_axes.py`.
@@ -80,7 +80,7 @@ def _solved(jacobian: Array, vector: Array) -> Array:
 def carried_use(
     arm: GovernedArm, velocity: Array, acceleration: Array, place: Array, period: float
 ) -> float:
-    """Returns the greatest position, velocity, acceleration or jerk of a joint by its limit.
+    """Returns the largest fraction of a joint limit: position, velocity, acceleration or jerk.
 
     Infinite where the joints do not reach the cup; arguments as of `joints_of`.
     """

@@ -65,7 +65,7 @@ HEAD = (
 
 
 class Load(NamedTuple):
-    """Containers, limits and commands for the governor, and the robot.
+    """Containers, limits, commands and robot of one test case for the governor.
 
     Attributes:
         tray, limits: of the governor.
@@ -83,7 +83,7 @@ class Load(NamedTuple):
     targets: Array | None = None
 
     def command(self, row: int, stamp_ns: int) -> Command | None:
-        """Returns the command of a row at a moment [ns]; None in a pause."""
+        """Returns the command of a row with a stamp [ns]; None in a pause."""
         given = self.commands[row]
         if np.isinf(given).any():
             return None
@@ -134,7 +134,7 @@ def of_joints(rng: np.random.Generator) -> Load:
 
 
 def carried(rng: np.random.Generator) -> Load:
-    """Draws velocities of a cup that an arm carries, half of them out of its reach."""
+    """Draws random commanded velocities of a cup on an arm, half of them beyond its reach."""
     model, height = drawn_cup(rng)
     speed = rng.uniform(0.1, 0.5)
     commands = drawn_commands(rng, np.full(3, speed), 0.2 * speed, first_period(model))
@@ -148,7 +148,7 @@ def carried(rng: np.random.Generator) -> Load:
 
 
 def carried_to_targets(rng: np.random.Generator) -> Load:
-    """Draws targets of a cup that an arm carries: where velocities would lead."""
+    """Draws random commanded positions of a cup on an arm."""
     load = carried(rng)
     steps = np.nan_to_num(load.commands, nan=0.0, posinf=0.0)
     return load._replace(targets=PERIOD * np.cumsum(steps, axis=0))
@@ -161,7 +161,7 @@ LOADS = {
 
 
 def governor_of(load: Load, period: float) -> Governor:
-    """Returns the governor of a load, with steps of a period [s]."""
+    """Creates the governor of a test case, with a step period [s]."""
     return Governor(load.tray, load.limits, period=period, arm=load.arm, carrier=load.carrier)
 
 

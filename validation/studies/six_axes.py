@@ -24,7 +24,7 @@ CUP = "cup"
 
 
 def urdf_of(start: Array) -> str:
-    """Returns the description of the arm whose cup is upright at joint positions (6,) [rad]."""
+    """Returns the URDF text of an arm whose cup is upright at joint positions (6,) [rad]."""
     turned = Rotation.identity()
     for axis, angle in zip(AXES, start, strict=True):
         turned = turned * Rotation.from_rotvec(angle * np.array(axis.split(), dtype=np.float64))
@@ -45,7 +45,7 @@ def urdf_of(start: Array) -> str:
 
 
 def six_axes(start: Sequence[float] = UPRIGHT) -> GovernedArm:
-    """Returns the arm at joint positions (6,) [rad] at which it holds the cup upright."""
+    """Returns the arm at joint positions (6,) [rad] at which the cup is upright."""
     places: Array = np.array(start, dtype=np.float64)
     arm = Arm(urdf_of(places), CUP)
     limits = with_defaults(limits_of(arm, arm.carrying), ACCELERATION, JERK)

@@ -113,7 +113,7 @@ def _felt(r, force, point, felt):  # type: ignore[no-untyped-def]
 
 @compiled
 def _joint_step(r, joint, motion):  # type: ignore[no-untyped-def]
-    """Returns a joint's axis and the way to it [m] in the root's axes, its position and rate."""
+    """Returns a joint's axis and offset [m] in the root's axes, its position and its rate."""
     column, factor = int(joint[COLUMN]), joint[TIMES]
     at, rate = factor * motion[PLACE, column] + joint[OFFSET], factor * motion[VELOCITY, column]
     axis = rotated(r, joint[ALONG], joint[ALONG + 1], joint[ALONG + 2])

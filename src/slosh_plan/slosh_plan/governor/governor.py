@@ -157,7 +157,7 @@ class Governor:
         self._reason = StopReason.REQUESTED
 
     def locate(self, places: Sequence[float]) -> str:
-        """Takes measured positions (J,) of the carrying joints; at rest they go on from there.
+        """Processes measured joint positions (J,); at rest the governor continues from these.
 
         Returns:
             why they make the next step a stop; empty: they do not.
@@ -171,7 +171,7 @@ class Governor:
         return doubt
 
     def lose(self, *, lost: bool) -> None:
-        """States whether the joints that carry the container are not known: a stop to rest."""
+        """Sets whether the joints' positions are unknown; if so, the governor stops."""
         self._lost = lost
 
     def release(self) -> bool:
@@ -199,7 +199,7 @@ class Governor:
 
     @property
     def joints(self) -> Array:
-        """Present velocities, accelerations, positions (3, J) of the robot; J = 0: unknown."""
+        """Present joint velocities, accelerations and positions (3, J); J = 0 if unknown."""
         return self._carrier.joints if self.arm is None else self._motion
 
     def idle(self, now_ns: int) -> Governed:

@@ -104,7 +104,7 @@ def _is_known(plan, state):  # type: ignore[no-untyped-def]
 
 @compiled
 def _is_known_of_others(plan, state):  # type: ignore[no-untyped-def]
-    """Whether it is the verified stop, but the first liquid has been observed since then."""
+    """Whether a plan is the verified stop, and the first liquid was observed after that."""
     return _is_held(plan) and state[BOUND] <= 1.0 and state[SEEN] != 0.0
 
 
@@ -162,7 +162,7 @@ def _to_front(row, value):  # type: ignore[no-untyped-def]
 
 @compiled
 def _carried(one, plan, begun, moves, rows):  # type: ignore[no-untyped-def]
-    """Whether the joints that carry the container keep their limits in a candidate.
+    """Returns whether the robot's joints keep their limits in a candidate motion.
 
     They do in what is left of the held stop.
     """

@@ -1,4 +1,4 @@
-"""Compiled wall heights of a container's models in candidate motions, a lane for each of both."""
+"""Compiled wall heights of many simulations, one for each model and candidate motion."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ def governor_of(
 
 
 def commands_joints(parameters: Mapping[str, Any]) -> bool:
-    """Whether a governor's parameters say that its commands are of joints."""
+    """Whether a governor's parameters select commands of joints."""
     return str(parameters.get("command", "")).startswith("joint")
 
 
@@ -73,7 +73,7 @@ def velocity_command(
 def arm_of(
     robot: CarryingRobot | None, start: Sequence[float], parameters: Mapping[str, Any]
 ) -> GovernedArm | None:
-    """Creates the robot that a node governs; None: it has no description of one.
+    """Creates the robot that the governor moves; None if no robot is given.
 
     Args:
         robot: the description, with the user's limits.

@@ -1,4 +1,4 @@
-"""States of the governor's first container at the last steps, for late observed states."""
+"""States of the models of the governor's first container at recent steps."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slosh_plan.tuning import TUNING
 
 
 class PastLiquid:
-    """Stores the states of a container's models, and its acceleration, of the last steps.
+    """Stores the recent states of a container's models, and its recent accelerations.
 
     Args:
         stores: (MODELS, …) of the models, an example.
@@ -38,7 +38,7 @@ class PastLiquid:
         self._added += 1
 
     def since(self, stamp_ns: int) -> int:
-        """Returns how many of the last steps lie at or after a time; 0: it is before all of them.
+        """Returns the number of stored steps since a time; 0 if all are later than the time.
 
         Args:
             stamp_ns: the moment [ns].

@@ -1,4 +1,4 @@
-"""Compiled simulation of the usual NL models in the governor, all lanes at once in vectors.
+"""Compiled simulation of nonlinear models in the governor, many simulations at once.
 
 A lane is a model in a candidate motion. Most containers' models have one mode and the effects
 `vertical_acceleration` and `surface_nonlinearity` or `pendulum_nonlinearity`: their equations are
@@ -123,7 +123,7 @@ def _swing(angle, rate, a, stiffness, drag):  # type: ignore[no-untyped-def]
 
 @compiled
 def _slope(pendulum, w, k, q, ax, ay, g):  # type: ignore[no-untyped-def]
-    """Returns the second time derivatives of a wave's two coordinates in one lane."""
+    """Returns the second time derivatives of the two coordinates of a wave."""
     x, y, vx, vy = q
     if not pendulum:
         return _on_paraboloid(w, k, x, y, vx, vy, ax, ay, g)
@@ -133,7 +133,7 @@ def _slope(pendulum, w, k, q, ax, ay, g):  # type: ignore[no-untyped-def]
 
 @compiled
 def _advance(pendulum, w, k, step, share):  # type: ignore[no-untyped-def]
-    """Makes one Runge-Kutta step of a lane, up to a share of the interval between two samples."""
+    """Makes one Runge-Kutta step of a simulation, by a share of the sample interval."""
     x, y, vx, vy = w[X + k], w[Y + k], w[VX + k], w[VY + k]
     ax, ay, g = w[LEFT_X + k], w[LEFT_Y + k], w[LEFT_G + k]
     bx = w[OLD_X + k] + share * (w[NEW_X + k] - w[OLD_X + k])
@@ -172,7 +172,7 @@ def _advance_pendulum(lanes, w, step, share):  # type: ignore[no-untyped-def]
 
 @compiled
 def _heights(w, k):  # type: ignore[no-untyped-def]
-    """Returns the wall heights of one lane at the container's +x and +y [m]."""
+    """Returns the wall heights of one simulation at the container's +x and +y [m]."""
     g = w[NEW_G + k]
     light = 1.0 / (g if g > 0.5 else 0.5)
     x = w[GAIN_X + k] * w[X + k] - w[STATIC_X + k] * light * w[NEW_X + k]
@@ -181,7 +181,7 @@ def _heights(w, k):  # type: ignore[no-untyped-def]
 
 @compiled
 def _watch_round(lanes, w):  # type: ignore[no-untyped-def]
-    """Updates the heights of all lanes, and their greatest squares on a round wall [m²]."""
+    """Updates the heights of all simulations, and their largest squares on a round wall [m²]."""
     for k in range(lanes):
         x, y = _heights(w, k)
         w[HEIGHT_X + k], w[HEIGHT_Y + k], top = x, y, w[TOP + k]
@@ -191,7 +191,7 @@ def _watch_round(lanes, w):  # type: ignore[no-untyped-def]
 
 @compiled
 def _watch_rectangle(lanes, w, row):  # type: ignore[no-untyped-def]
-    """Updates the heights of all lanes, and the greatest at a rectangle's corners [m].
+    """Updates the heights of all simulations, and the largest ones at a rectangle's corners [m].
 
     After the stop the crests of both axes may meet at any time.
     """
@@ -224,7 +224,7 @@ def _take_inputs(lanes, w, inputs, row):  # type: ignore[no-untyped-def]
 
 @compiled
 def _exceeds(lanes, w, ceiling):  # type: ignore[no-untyped-def]
-    """Whether the greatest height (or its square) of any lane exceeds a ceiling."""
+    """Whether the largest height (or its square) of any simulation exceeds a ceiling."""
     highest = 0.0
     for k in range(lanes):
         highest = max(highest, w[TOP + k])
@@ -233,7 +233,9 @@ def _exceeds(lanes, w, ceiling):  # type: ignore[no-untyped-def]
 
 @compiled
 def begin_waves(stores, size, which, models, ends, pendulum, w):  # type: ignore[no-untyped-def]
-    """Loads models and candidate motions to the lanes of a simulation; spare lanes repeat one.
+    """Loads models and candidate motions for simulations that run at once.
+
+    Unused lanes repeat the first simulation.
 
     Args:
         stores: (MODELS, …) of a container.
@@ -253,7 +255,7 @@ def begin_waves(stores, size, which, models, ends, pendulum, w):  # type: ignore
 
 @compiled
 def simulate_waves(w, inputs, intervals, count, steps, pendulum, ceiling, heights):  # type: ignore[no-untyped-def]
-    """Simulates the waves of all lanes at once; ends early after a height beyond the ceiling.
+    """Simulates the waves of all simulations; ends early after a height above the ceiling.
 
     Args:
         w: (WORK,) as `begin_waves` leaves it; changed: TOP is the greatest height of each lane

@@ -192,7 +192,7 @@ class GovernorNode(PreparedNode):
         self._told.publish(governed_message(moved, frame, self._names))
 
     def _locate(self, core: Governor, now_ns: int) -> None:
-        """Tells the governor where the robot that carries the container is."""
+        """Passes the measured positions of the robot's joints to the governor."""
         if self._robot is None or self._of_joints is not None:
             return
         self._lost = self._joints.silence(now_ns, TUNING.governor_unheard)
@@ -203,7 +203,7 @@ class GovernorNode(PreparedNode):
 
     @property
     def _is_elsewhere(self) -> bool:
-        """Whether others have moved commanded joints while the governor was at rest."""
+        """Whether the robot was moved by another program while the governor was at rest."""
         if self._robot is None or self._joints.missing:
             return False
         core = self._core

@@ -128,7 +128,7 @@ JOINT_TOPICS: Mapping[str, JointTopics] = {
 
 
 def robot_of(parameters: Mapping[str, Any]) -> CarryingRobot | None:
-    """Reads the robot whose joints are commanded or carry the container; None without `urdf`.
+    """Reads the robot that carries the container; None without the parameter `urdf`.
 
     Args:
         parameters: of the governor by name.
@@ -180,7 +180,7 @@ class JointPlaces:
                 self._unusable[name] = float(value)
 
     def silence(self, now_ns: int, timeout: float) -> str:
-        """Returns a line on joints that are not heard of for longer [s]; empty: all are."""
+        """Returns a line that names joints without recent positions; empty if there are none."""
         for name in self._joints:
             seconds = (now_ns - self._heard_ns.get(name, now_ns)) / SECOND
             if seconds > timeout:
@@ -189,7 +189,7 @@ class JointPlaces:
 
     @property
     def waiting(self) -> str:
-        """A line on joints that were never heard of; empty: all were."""
+        """A line that names joints whose positions were never received; empty if none."""
         if not self.missing:
             return ""
         bad = "".join(self._bad(name) for name in self.missing)
