@@ -121,7 +121,7 @@ def spike_limit(height: Array) -> float:
 
 
 def find_spikes(height: Array, limit: float) -> NDArray[np.bool_]:
-    """Returns a mask of the samples that exceed both neighbours by more than a limit."""
+    """Returns a mask of the samples that exceed both neighbours by more than a threshold [m]."""
     spikes = np.zeros(height.shape, dtype=bool)
     spikes[1:-1] = height[1:-1] - np.fmax(height[:-2], height[2:]) > limit
     return spikes

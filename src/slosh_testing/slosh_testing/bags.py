@@ -1,4 +1,4 @@
-"""Writes small bags of Header messages, with the product's writer and another one."""
+"""Writes small bags of Header messages with slosh_bag or with the library mcap."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ class Setup:
 
 @dataclass(frozen=True)
 class Liquid:
-    """The free surface: z = level + slope x + modes, whose amplitudes are at the left wall."""
+    """Free surface z = level + slope x + modes; modal amplitudes are heights at the left wall."""
 
     level: float = 0.0
     slope: float = 0.0

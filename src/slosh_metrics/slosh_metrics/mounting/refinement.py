@@ -23,7 +23,7 @@ _STEPS = 12
 
 
 class Rates(NamedTuple):
-    """Measured and true angular velocities (N, 3), with derivative and unit of the measured."""
+    """Measured and true angular velocities (N, 3); derivative and unit of the measured ones."""
 
     heard: Array
     slope: Array

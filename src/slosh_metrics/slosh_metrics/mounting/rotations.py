@@ -13,7 +13,7 @@ _NAMES = ("x", "y", "z")
 
 
 def nearest(matrix: Array, handed: float = 1.0) -> Array:
-    """Returns the orthogonal matrix (3, 3) nearest to a matrix, with given handedness.
+    """Returns the orthogonal matrix (3, 3) with determinant `handed` nearest to a matrix.
 
     By singular values (Kabsch 1976).
     """

@@ -51,7 +51,7 @@ class Sources(NamedTuple):
     observer_state: str | None = None
 
     def without_answers_to_others(self) -> Sources:
-        """Drops recorded results that belong to another input than the replayed one."""
+        """Drops recorded results that were computed from an input that is not replayed."""
         started = settings.first(self.starts, "estimator")
         if started is None or started.parameters.get("input", self.kind) == self.kind:
             return self

@@ -111,7 +111,7 @@ class OutputBag(Outputs):
         )
 
     def _make_template(self, own: Estimates) -> tuple[Layout, bytes]:
-        """Creates the message of a model's estimates, in which each estimate sets the numbers."""
+        """Creates a message of a model's estimates, whose numbers each estimate replaces."""
         types = self._store.types
         modal = np.zeros(2 * own.modal.shape[2])
         models = [

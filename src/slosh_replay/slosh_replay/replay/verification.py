@@ -211,7 +211,7 @@ class Verifier:
         )  # fmt: skip
 
     def _known(self, batch: Messages, *, count: bool = False) -> Messages:
-        """Returns the messages that can be compared; counts the others if requested."""
+        """Returns the messages that can be compared; optionally counts those that cannot."""
         for span in self._unknown:
             inside = (batch.stamps > span.after_ns) & (batch.stamps <= span.until_ns)
             found = int(np.count_nonzero(inside))

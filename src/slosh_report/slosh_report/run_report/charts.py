@@ -86,7 +86,7 @@ def residual(report: RunReport, model: Array) -> Array:
 
 
 def frame_letters(report: RunReport) -> tuple[str, ...]:
-    """Returns a letter for each image with a known time, and '' for the others."""
+    """Returns a letter for each image with a known time, and '' for images without a time."""
     known = iter("ABCDEFGHIJKLMNOPQRSTUVWXYZ")
     return tuple(next(known, "") if np.isfinite(f.time) else "" for f in report.frames)
 
