@@ -296,7 +296,7 @@ def _independent_samples(
 
 
 def _runner_up(costs: Array, best: int) -> float:
-    """Returns the second-best separate minimum's rms divided by that of the best one."""
+    """Returns the rms error at the second-best separate minimum divided by that at the best."""
     filled = np.where(np.isfinite(costs), costs, np.inf)
     others = [
         float(filled[k])

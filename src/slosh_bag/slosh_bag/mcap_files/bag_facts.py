@@ -94,7 +94,7 @@ def _is_whole(path: Path, summary_start: int) -> bool:
 
 
 def _data_checksum(stream: RecordStream) -> int:
-    """Returns the checksum stored at the end of the data; `stream.crc` is the computed one.
+    """Reads the checksum stored at the end of the data, to compare with the computed one.
 
     Raises:
         DamageError: the data have no end.

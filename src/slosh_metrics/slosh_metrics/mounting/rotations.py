@@ -86,7 +86,7 @@ def axes_in_words(rotation: Array) -> str:
 
 
 def axis_in_words(direction: Array) -> str:
-    """Describes a line by the axis that it is near, or by its components."""
+    """Describes a line's direction by the axis within 25° of it, or else by its components."""
     place = int(np.argmax(np.abs(direction)))
     if abs(direction[place]) > math.cos(math.radians(25.0)) * float(np.linalg.norm(direction)):
         return _NAMES[place]

@@ -56,7 +56,7 @@ class Measurements(NamedTuple):
 
     @property
     def usable_heights(self) -> Array:
-        """Heights (N,) [m]; NaN where the flags exclude them."""
+        """Heights (N,) [m]; NaN where the validity flags exclude a height."""
         return np.where(self.unusable, np.nan, self.heights)
 
     def chosen(self, rows: NDArray[Any]) -> Measurements:

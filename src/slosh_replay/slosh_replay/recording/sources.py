@@ -122,7 +122,7 @@ def find_sources(
 
 
 class CellTopics:
-    """Finds the topics of one robot cell by their last name, also outside its namespace.
+    """Finds a robot cell's topics by the last part of their names, also outside its namespace.
 
     Args:
         recorded: topics of the bag; those without messages do not count.
@@ -150,7 +150,7 @@ class CellTopics:
         return any(_namespace(topic) == self._home for topic in self._topics)
 
     def topic(self, name: str, message_type: str) -> str | None:
-        """Returns the cell's topic with this last name and type; None if there is none."""
+        """Returns the cell's topic of a type whose name ends in `name`; None if there is none."""
         found = [
             topic
             for topic, kind in self._topics.items()

@@ -114,7 +114,7 @@ class Core(Protocol):
     """Interface of a node's processing class in a replay."""
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Processes new data; returns the node's messages by last topic name."""
+        """Processes new data; returns the node's messages by the last part of the topic name."""
 
 
 class NodeTopic(NamedTuple):

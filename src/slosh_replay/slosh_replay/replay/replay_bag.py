@@ -411,7 +411,7 @@ def _heard(sources: Sources, nodes: Sequence[ReplayedNode]) -> dict[str, NodeTop
 def _verifiers(
     heard: Mapping[str, NodeTopic], nodes: Sequence[ReplayedNode], *, camera: bool
 ) -> dict[str, Verifier]:
-    """Creates the objects that compare replayed with recorded messages, by last topic name."""
+    """Creates the objects that compare replayed with recorded messages, one for each topic."""
     return {
         topic.name: Verifier(full, topic.can_lack, node.tolerance)
         for full, topic in heard.items()

@@ -26,7 +26,7 @@ SENSOR, PAYLOAD, BESIDE = "sensor", "payload", "beside_camera"
 
 
 def force_surface_topic(starts: Sequence[NodeStart]) -> str:
-    """Returns the topic of heights from a force; empty where no single sensor node made them."""
+    """Returns the topic of heights computed from a force; empty unless one node did this."""
     sensors = [start for start in starts if start.node == SENSOR and PAYLOAD in start.files]
     if len(sensors) != 1:
         return ""

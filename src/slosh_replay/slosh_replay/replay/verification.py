@@ -277,7 +277,7 @@ class Messages(NamedTuple):
     columns: Columns
 
     def rows(self, chosen: NDArray[Any] | slice) -> Messages:
-        """Returns the messages with the given indices, in a mask or in a slice."""
+        """Returns the messages selected by indices, a mask or a slice."""
         return Messages(self.stamps[chosen], {n: c[chosen] for n, c in self.columns.items()})
 
 

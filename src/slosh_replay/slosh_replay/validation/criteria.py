@@ -50,7 +50,7 @@ class Evidence:
 
 
 def judge(value: float, uncertainty: float, limit: float) -> Verdict:
-    """Judges whether a value is at most the greatest accepted one.
+    """Judges whether a value, with its uncertainty, is at most the greatest accepted value.
 
     It passes if the whole interval value ± uncertainty is accepted, fails if nothing of it is,
     and is undecided otherwise, and wherever one of the numbers is unknown (NaN).

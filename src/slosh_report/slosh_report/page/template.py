@@ -23,7 +23,7 @@ UNREADABLE = re.compile(
 
 
 def make_environment(package: str) -> Environment:
-    """Creates the template environment with a package's templates and the common ones.
+    """Creates the template environment with a package's own and the common templates.
 
     Args:
         package: whose folder holds the page's own template.
