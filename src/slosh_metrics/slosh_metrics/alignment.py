@@ -151,7 +151,7 @@ def find_onset(t: Array, height: Array, threshold: float) -> float:
 def onset_offset(
     t: Array, height: Array, model_t: Array, model: Array, still: StillLevel
 ) -> float:
-    """Returns the offset [s] at which measured and modelled heights start to rise together.
+    """Returns how much later [s] measured heights start to rise than modelled heights.
 
     Each series' onset is taken at the same share of its own peak, so that a model with a wrong
     gain has its onset in the same place.
@@ -255,7 +255,7 @@ def _residual(t: Array, height: Array, model_t: Array, model: Array, offset: flo
 
 
 def _mean_square(t: Array, height: Array, model_t: Array, model: Array, offset: float) -> float:
-    """Returns the mean squared residual [m²], or NaN if the motion is not covered."""
+    """Returns the mean squared height error [m²] at a clock offset; NaN if too few samples."""
     residual = _residual(t, height, model_t, model, offset)
     # Where both are known at the same moments, what the model lacks is missing on both sides.
     expected = min((model_t[-1] - model_t[0]) / float(np.median(np.diff(t))), len(model_t))

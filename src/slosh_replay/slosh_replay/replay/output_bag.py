@@ -58,7 +58,7 @@ class OutputBag(Outputs):
         self._writer.close()
 
     def begin(self, names: tuple[str, str], wall: Wall) -> None:
-        """Sets the names of the linear and the nonlinear model, and the container's wall."""
+        """Sets the linear and nonlinear model's names, and the container wall's geometry."""
         self._names, self._template, self._wall = names, None, wall
 
     def estimates(self, estimates: ModelSetEstimates) -> None:

@@ -146,7 +146,7 @@ def watched(result: ReplayResult) -> Sequence[MonitorSettings]:
 
 
 def limits_of(run: RecordedRun, result: ReplayResult) -> tuple[LimitInForce, ...]:
-    """Returns the height limits that applied during a recording, each with its origin."""
+    """Returns the limits that the monitor applied to heights in a recording, and their sources."""
     told = latest(run.starts, "monitor") is not None
     names = dict(zip((Source.MEASURED, Source.ESTIMATED), HEIGHT_LIMITS, strict=True))
     rows: dict[LimitInForce, None] = {}
