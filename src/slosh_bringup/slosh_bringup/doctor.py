@@ -115,7 +115,7 @@ def interfaces() -> DoctorFinding:
 
 
 def workspace() -> DoctorFinding:
-    """Checks that the product's packages can be imported."""
+    """Checks that slosh's ROS packages can be imported."""
     for name in OWN_PACKAGES:
         importlib.import_module(name)
     return DoctorFinding("workspace", True, f"{len(OWN_PACKAGES)} packages import")

@@ -126,7 +126,7 @@ class Cycle:
 
     @property
     def motion_time(self) -> float:
-        """Duration T_mot = b · T_cycle of the motion [s]; the container dwells for the rest."""
+        """Duration T_mot = b · T_cycle of the motion [s]; then the container dwells."""
         return self.ratio * self.cycle_time
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:

@@ -92,7 +92,7 @@ class Tray:
         return Tray(tuple(replace(one, model=changed(one.model)) for one in self.containers))
 
     def with_container(self, index: int, container: TrayContainer) -> Tray:
-        """Returns the tray with another container in one place; the index counts from 0."""
+        """Returns the tray with the container at an index (from 0) replaced."""
         listed = list(self.containers)
         listed[index] = container
         return Tray(tuple(listed))

@@ -76,7 +76,7 @@ def sensed_force(
 
 
 def calibration_record(model: Model, sensor: ForceSensor, seed: int) -> ForceRecord:
-    """Returns a record of a stroke and a rest, from which the payload can be identified."""
+    """Returns a simulated force record of a stroke and a standstill, to identify the payload."""
     stroke = make_motion(STROKE, RATE)
     count = round(REST * RATE)
     t = np.arange(len(stroke.t) + count) / RATE

@@ -141,7 +141,7 @@ class GovernedCup:
 
     @property
     def now(self) -> float:
-        """Time since the governor's first step up to which the motion is known [s]."""
+        """Time since the governor's first step up to which the motion is computed [s]."""
         return self._last.t
 
     def move(self, step: GovernedStep) -> list[CupSample]:

@@ -49,7 +49,7 @@ def facts(planned: TrayPlan, borne: Tolerance) -> dict[str, object]:
 
 
 def plan_facts(answer: Plan, borne: Tolerance) -> dict[str, object]:
-    """Returns a plan's results as a dictionary, without those of a tray and likely models."""
+    """Returns a plan's results as a dictionary, without results for a tray or likely models."""
     found, scaled = answer.found, answer.scaled
     return {
         "duration": found.motion.duration,

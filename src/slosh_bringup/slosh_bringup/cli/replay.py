@@ -90,7 +90,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Replays the bags; reports a bag that fails and continues with the others."""
+    """Replays the bags; reports a bag that fails and continues with the other bags."""
     stated = find_bags(arguments.bags, arguments.output)
     if arguments.model:
         read_model(arguments.model)  # a mistake in it is told once, not once per bag

@@ -86,7 +86,7 @@ class RunData:
 
     @property
     def seconds(self) -> Array:
-        """Time (N,) of the compared images since the first of them [s]."""
+        """Times (N,) of the compared images since the first compared image [s]."""
         return np.asarray((self.stamps - self.stamps[:1]) * 1e-9, dtype=np.float64)
 
     def flags(self, side: str) -> NDArray[np.int64]:

@@ -97,7 +97,7 @@ class RecordedFrames:
 
 
 def first_happening(frames: Sequence[str]) -> int:
-    """Returns the index of the image with the first limit event, else the first motion, else 0.
+    """Returns the index of the first update with an exceeded limit, else with motion, else 0.
 
     Args:
         frames: of a recording, as JSON.

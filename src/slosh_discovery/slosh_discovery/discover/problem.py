@@ -171,7 +171,7 @@ class PreparedMotion:
 
     @property
     def slow_share(self) -> float:
-        """Fraction of the noise variance, other than of the inputs, that is correlated in time."""
+        """Fraction of the noise variance (without the inputs' noise) correlated in time."""
         blurred = 0.0
         if self.blur is not None:
             blur = self.blur[self.kept]
@@ -204,7 +204,7 @@ class PreparedMotion:
         return simulate_all([(model, self)])[0]
 
     def inputs_for(self, model: Model) -> Inputs:
-        """Returns the coarse or the fine inputs, whichever the model's response must use."""
+        """Returns the inputs on the time grid that the model's response needs: coarse or fine."""
         shifted = not (self.motion.same_clock and reading_clock(model).same)
         return self.fine if shifted else self.coarse
 
@@ -375,7 +375,7 @@ def _resampled(inputs: Inputs, moments: Array, spacing: float) -> Inputs:
 
 
 def _averaged(t: Array, values: Array, moments: Array, width: float) -> Array:
-    """Interpolates values at given times; averages them where they are dense."""
+    """Interpolates values at given times, averaged over `width` [s] if the samples are dense."""
     if len(t) < 3 or float(np.median(np.diff(t))) > 0.5 * width:
         return columns_at(moments, t, values)
     steps = np.diff(t)[:, np.newaxis]

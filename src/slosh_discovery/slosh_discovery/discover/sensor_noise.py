@@ -118,7 +118,7 @@ class _Part:
 
 @dataclass(frozen=True, slots=True)
 class _Shape:
-    """Autocorrelation of a noise, and the ratio of its part from time jitter to the rest.
+    """Autocorrelation of a noise, and the variance ratio of stamp jitter to correlated noise.
 
     Attributes:
         correlation: of the part that remembers, between neighbouring samples.
@@ -371,7 +371,7 @@ def _most_likely(parts: Sequence[_Part], start: _Shape, likelihood: _Likelihood)
 
 
 def _deviations(part: _Part, shape: _Shape) -> Array:
-    """Returns deviations (N,) [m] of samples from their prediction by all others."""
+    """Returns deviations (N,) [m] of samples from their prediction by all other samples."""
     score, root = _whitening(part, shape).foretold(part.residual)
     return np.asarray(score / root)
 

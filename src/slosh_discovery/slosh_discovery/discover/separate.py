@@ -189,7 +189,7 @@ def _by_merit(trial: _Trial) -> float:
 
 
 def _largest(pair: _Pair, motion: CandidateMotion) -> _Trial | None:
-    """Returns the trial with the largest amplitude without spilling; None if each one spills."""
+    """Returns the trial with the largest amplitude without spilling; None if all trials spill."""
     for size in SIZES:
         sized = replace(motion, acceleration=size * pair.limit)
         trial = _try(pair, sized)

@@ -130,7 +130,7 @@ def change_with_time(
 
 
 def _changing(one: Fit, index: int, shape: Array, *, between: bool) -> _Changing:
-    """Returns the linearised fit with one time-varying parameter; the others are refitted."""
+    """Returns the linearised fit with one time-varying parameter; refits all other parameters."""
     others, _ = np.linalg.qr(one.jacobian)
     columns = shape * one.jacobian[:, index : index + 1]
     columns = columns - others @ (others.T @ columns)

@@ -246,7 +246,7 @@ def trust_in(before: Leftover, after: Leftover) -> float:
 
 
 def _rivals(name: str, ranked: Sequence[tuple[Fit, float]]) -> tuple[str, ...]:
-    """Returns physical effects that could replace a given one with about the same probability."""
+    """Returns the effects that could replace a found effect with about the same probability."""
     best, share = ranked[0]
     others = set(best.explanation.effects) - {name}
     found: list[str] = []

@@ -264,7 +264,7 @@ def _envelope(residual: _Residual, series: Array, period: float) -> Array:
 
 
 def _following(envelope: Array, quantity: Array) -> float:
-    """Returns how well a residual's size correlates with a quantity; negative values become 0."""
+    """Returns the correlation of a residual's size with a quantity; 0 if it is negative."""
     kept = np.isfinite(envelope) & np.isfinite(quantity)
     one, two = envelope[kept], quantity[kept]
     if len(one) < 3 or not (one.std() > 0.0 and two.std() > 0.0):

@@ -136,7 +136,7 @@ def _is_of_event(path: Path) -> bool:
 
 
 def _once(motions: Sequence[DayMotion]) -> list[DayMotion]:
-    """Returns the motions, each once; of copies in several event bags the longest."""
+    """Returns each motion once; of its copies in several event bags, the longest."""
     kept: list[DayMotion] = []
     for entry in sorted(motions, key=lambda entry: -_length(entry)):
         if entry.span_ns is None or not any(_overlap(entry, other) for other in kept):

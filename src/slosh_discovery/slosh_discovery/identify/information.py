@@ -1,4 +1,4 @@
-"""Finds which parameters the motions identify, and motions that would identify the others."""
+"""Finds parameters that the motions identify, and motions that would identify the remaining."""
 
 from __future__ import annotations
 

@@ -178,7 +178,7 @@ def _identified(
 
 
 def _fit_known(problem: Problem) -> tuple[FittedVector, tuple[Unidentified, ...]]:
-    """Fits the identifiable parameters; the others keep their values.
+    """Fits the identifiable parameters; all other parameters keep their values.
 
     Raises:
         SloshDiscoveryError: they tell of nothing.

@@ -103,7 +103,7 @@ def _mode(
     axis: int, row: Array, width: float, reach: float, places: Array, shape: Array,
     higher: float = 0.0,
 ) -> ModeNumbers:  # fmt: skip
-    """Returns a mode's constants in SI units; given lengths are per half surface width."""
+    """Returns a mode's constants in SI units, from lengths relative to half the surface width."""
     omega = math.sqrt(GRAVITY * float(row[LAMBDA]) / width)
     return ModeNumbers(
         axis=axis,
