@@ -122,7 +122,7 @@ def workspace() -> DoctorFinding:
 
 
 def discovery() -> DoctorFinding:
-    """Checks which hosts can discover this machine's topics."""
+    """Checks by the DDS settings which hosts can discover this machine's topics."""
     network = importlib.import_module("slosh_msgs_py.node.network")
     who = "this machine only"
     if not network.is_local(os.environ):

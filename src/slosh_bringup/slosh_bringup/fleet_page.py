@@ -80,7 +80,7 @@ class Drift(NamedTuple):
 
 
 class Trend(NamedTuple):
-    """A chart of daily medians; `drawing` is empty if there are no values."""
+    """A chart of a quantity's daily medians; `drawing` is empty if there are no values."""
 
     name: str
     label: str

@@ -265,7 +265,7 @@ def _rotate_inputs(lanes, w):  # type: ignore[no-untyped-def]
 
 @compiled
 def _along_modes(lanes, w, at):  # type: ignore[no-untyped-def]
-    """Projects each simulation's inputs on its mode's direction, if that is fixed."""
+    """Projects each simulation's inputs on its mode's direction, if the direction is fixed."""
     if w[ALONG] == 0.0 and w[ALONG + LANES] == 0.0:  # lanes of a block are alike in this
         return
     for k in range(lanes):
@@ -361,7 +361,7 @@ def advance_lanes(  # type: ignore[no-untyped-def]
     stores, counts, interval_rows, input_rows, intervals, inputs, yaws, poses, driven, modulated,
     heights, ceiling,
 ):  # fmt: skip
-    """Does the work of `advance_block`, for calls from other compiled code.
+    """Integrates up to LANES models as `advance_block` does; for calls from compiled code.
 
     Ends early after a height at +x or +y beyond a ceiling [m].
 

@@ -74,7 +74,7 @@ def in_axes(inputs, axes):  # type: ignore[no-untyped-def]
 
 @compiled
 def along_mode(inputs, x, y):  # type: ignore[no-untyped-def]
-    """Returns the inputs' part along the direction (x, y) of a mode; all inputs for (0, 0)."""
+    """Returns the inputs' part along the direction (x, y) of a mode; (0, 0) keeps all inputs."""
     if x == 0.0 and y == 0.0:
         return inputs
     share = x * inputs[AX] + y * inputs[AY]

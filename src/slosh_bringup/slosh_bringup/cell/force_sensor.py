@@ -20,7 +20,7 @@ STROKE, REST, RATE = "e-9.2", 10.0, 500.0
 
 
 class ForceSensor(NamedTuple):
-    """A simulated force sensor.
+    """A simulated force sensor: its noise, delay, zero, mounting angle and cable force.
 
     Attributes:
         container: mass of the empty container [kg].

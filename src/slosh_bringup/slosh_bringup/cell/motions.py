@@ -1,4 +1,4 @@
-"""The motions of the paper DL22: paths, acceleration levels and the time law along them.
+"""Container motions of the paper DL22: paths, acceleration levels, and time law along paths.
 
 Planar paths S(σ), σ from 0 to 1 (DL22, Fig. 4): `l` back and forth along y, `e` a figure of eight,
 `c` a circle run twice. The law σ(t) is the modified trapezoid, so that S̈ = S″σ̇² + S′σ̈ starts and

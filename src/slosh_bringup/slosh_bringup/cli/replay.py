@@ -198,7 +198,7 @@ def tell(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
 
 
 def print_tables(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
-    """Prints each bag's result, its MAE and ε by model, and estimates that were not reproduced."""
+    """Prints each bag's results: MAE and peak error ε by model, and estimates not reproduced."""
     rows = [HEADS, *(_row(outcome) for outcome in outcomes)]
     if not any(_passed(outcome) is not None for outcome in outcomes):
         rows = [row[:-1] for row in rows]
@@ -262,7 +262,7 @@ def _write_manifests(
 
 
 def accuracy_lines(results: Sequence[Judged]) -> list[str]:
-    """Formats MAE and ε by bag and model; adds mean values if there are several bags.
+    """Formats MAE and relative peak error ε by bag and model, and mean values for several bags.
 
     Args:
         results: at least one; all with the same models.

@@ -88,7 +88,7 @@ def as_text(bags: Sequence[StoredBag], found: Surplus, is_deleted: bool) -> str:
 
 
 def as_json(bags: Sequence[StoredBag], found: Surplus, is_deleted: bool) -> str:
-    """Formats the stored bags as JSON; times in seconds since 1970, sizes in bytes."""
+    """Formats the stored bags as JSON; times in seconds since 1970 (Unix time), sizes in bytes."""
     rows = [
         {
             "folder": str(bag.folder), "written": bag.written, "size": bag.size,

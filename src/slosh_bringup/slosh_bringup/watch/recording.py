@@ -83,7 +83,7 @@ class RecordedFrames:
         return {**facts, "start": self.start}
 
     def picture(self, frame: int) -> bytes | None:
-        """Returns camera image and header for a watch-page update, or None if it has no image."""
+        """Returns camera image and header for a watch-page update, or None without an image."""
         surface = self._surfaces[frame] if 0 <= frame < len(self._surfaces) else None
         if surface is None:
             return None

@@ -125,7 +125,7 @@ class Explanation:
     def with_effect(
         self, name: str, chosen: Mapping[str, float], *, per_group: bool = False
     ) -> Explanation:
-        """Returns a copy with one more physical effect, and the chosen variant of it."""
+        """Returns a copy with one more physical effect, in a chosen variant."""
         return replace(
             self,
             effects=tuple(sorted((*self.effects, name))),

@@ -75,7 +75,7 @@ class SharedNoise:
         return self._scaled(white, np.sqrt(1.0 + self.variances) - 1.0)
 
     def expected(self, values: Array) -> Array:
-        """Returns the probable correlated noise (N,) in values that also have white noise."""
+        """Returns the expected correlated part (N,) of values that also have white noise."""
         share = self.variances / (1.0 + self.variances)
         return np.asarray(self.directions @ (share * (self.directions.T @ values)))
 
@@ -156,7 +156,7 @@ class PreparedMotion:
         return white if self._shared is None else self._shared.removed(white)
 
     def _of_sensor(self, difference: Array) -> Array:
-        """Whitens a series [m], or each column of several, with the sensor's noise only."""
+        """Whitens one or several series of height differences [m] with the sensor's noise only."""
         scale = (
             self._scale if difference.ndim == 1 or not self._scale.ndim else self._scale[:, None]
         )

@@ -47,7 +47,7 @@ class _Residual:
 
 
 def where(findings: Sequence[MotionFinding], model: Model) -> tuple[WhereRow, ...]:
-    """Returns the residual by time, phase, amplitude, direction, frequency and input.
+    """Returns the rms residual by time, phase, amplitude, direction, frequency and input.
 
     In a row by frequency, `before` and `after` are the band's part of the whole residual's rms
     (their squares add up); in the other partitions the rms over the samples of that part.

@@ -341,7 +341,7 @@ def motion_of_table(
 def _profile_motion(
     path: Path, name: str, table: MotionTable, model: Model | None
 ) -> MeasuredMotion:
-    """Fits a line to each surface profile; it gives the height at +x (TM20, eqs. (11), (12))."""
+    """Fits a line to each surface profile, which gives heights at +x (TM20, eqs. (11), (12))."""
     if model is None:
         raise SloshDiscoveryError(f"{path}: holds a profile; its width is known only with a model")
     assert table.profile is not None and table.profile_x is not None  # noqa: PT018  # by the caller

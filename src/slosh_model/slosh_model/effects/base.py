@@ -46,7 +46,7 @@ class Stage(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter of an effect.
+    """A parameter of a modelled effect, with bounds and unit.
 
     Attributes:
         name: as in model.yaml.

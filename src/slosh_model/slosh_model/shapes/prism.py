@@ -65,7 +65,7 @@ class PrismaticContainer(SolvedContainer):
 
     @property
     def widening(self) -> float:
-        """Change of the radius with height [1]; zero for vertical walls."""
+        """Change of the wall's distance from the axis with height [1]; 0 for vertical walls."""
         return 0.0
 
     @property
@@ -85,7 +85,7 @@ class PrismaticContainer(SolvedContainer):
 
     @property
     def cornered(self) -> bool:
-        """Whether the modes along the container's x and y axes have different frequencies."""
+        """Whether wave heights along x and y add up in corners: their frequencies differ."""
         return not self.alike and not any(row.turn for row in self._rows)
 
     def numbers(self, n: int, axis: int = X_AXIS) -> ModeNumbers:

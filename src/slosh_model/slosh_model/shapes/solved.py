@@ -228,7 +228,7 @@ def _neighbours(
 
 
 def _alike(rows: Sequence[tuple[ModeNumbers, ...]]) -> list[tuple[ModeNumbers, ...]]:
-    """Returns the modes with equal rank by frequency at all tabulated fill heights.
+    """Returns, for each tabulated fill height, the modes that keep their order by frequency.
 
     Modes in order of frequency change places as the fill height changes.
     """
