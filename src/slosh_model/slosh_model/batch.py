@@ -173,7 +173,7 @@ def _pace(intervals: Array, max_step: float) -> bytes:
 
 
 def _blocks(simulations: _Simulations, size: int, max_step: float) -> Iterator[Block]:
-    """Groups similar simulations into blocks of limited size, sorted by length.
+    """Groups simulations with equal effects into blocks of limited size, sorted by length.
 
     Blocks of some size are filled up to whole vectors, which are faster, with the last one.
     """

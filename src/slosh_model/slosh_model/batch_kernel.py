@@ -1,4 +1,4 @@
-"""Compiled integration of many simulations at once, one per lane of the processor's vectors.
+"""Compiled integration of many simulations at once, one in each SIMD lane.
 
 A block of trajectories, one to a lane, goes through time together. Each quantity is a row with a
 value per lane; all rows lie in one flat array, each at a place that is known when the code is

@@ -247,7 +247,7 @@ class Container(ABC):
         return Wall.vertical(radius, self.freeboard)
 
     def height_below_rim(self, distance: float = 0.0) -> float | None:
-        """Returns the height at the wall [m] of a crest `distance` below the rim, or None.
+        """Returns the height at the wall [m] of a crest `distance` below the rim; None if unknown.
 
         Args:
             distance: vertical [m]; 0: at the rim.
@@ -299,7 +299,7 @@ class Container(ABC):
 
     @property
     def follows_yaw(self) -> bool:
-        """Whether the liquid turns about the vertical as the container does."""
+        """Whether the liquid turns about the vertical with the container, as in a box."""
         return self.section in (RECTANGULAR, PRISMATIC)
 
     @property

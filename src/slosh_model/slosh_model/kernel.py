@@ -94,7 +94,7 @@ def between(u0, u1, share):  # type: ignore[no-untyped-def]
 
 @compiled
 def runge_kutta_step(mode, q, u0, u1, step, elapsed, parameters):  # type: ignore[no-untyped-def]
-    """Makes one classical Runge-Kutta step of a mode; u0 and u1 are the inputs at both ends."""
+    """Makes one Runge-Kutta step of a mode; u0 and u1 are the inputs at its start and end."""
     x, y, vx, vy = q
     half = 0.5 * step
     middle = between(u0, u1, 0.5)

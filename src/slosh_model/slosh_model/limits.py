@@ -1,4 +1,4 @@
-"""Range of motion in which a model was validated by measurements."""
+"""Range of motion in which measurements validated a model."""
 
 from __future__ import annotations
 

@@ -128,5 +128,5 @@ def read_sensors(motion: CellMotion, noise: float, seed: int) -> SensorReadings:
 
 
 def _or_constant(values: Array | None, count: int, value: tuple[float, ...]) -> Array:
-    """Returns the given values, or an array that repeats a constant if they are None."""
+    """Returns `values` (N, K), or `value` (K,) repeated `count` times if `values` is None."""
     return np.broadcast_to(value, (count, len(value))) if values is None else values

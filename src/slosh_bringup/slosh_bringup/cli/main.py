@@ -229,7 +229,7 @@ def _reason(error: OSError) -> str:
 
 
 def is_own(error: ValueError) -> bool:
-    """Whether a ValueError comes from slosh's packages; others are programming errors."""
+    """Whether a ValueError comes from slosh's packages rather than from a programming error."""
     return type(error).__module__.startswith("slosh_")
 
 

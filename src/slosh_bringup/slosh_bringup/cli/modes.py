@@ -1,4 +1,4 @@
-"""`slosh modes`: lists natural frequencies, damping, masses and heights of a container."""
+"""`slosh modes`: lists frequency, damping, mass and mass height of a container's modes."""
 
 from __future__ import annotations
 

@@ -181,7 +181,7 @@ def interval(answer: Plan) -> str:
 
 
 def tolerance(borne: Tolerance) -> str:
-    """Describes how large a natural-frequency error would make the plan exceed its limit."""
+    """Describes how large a natural-frequency error would make heights exceed their limit."""
     usual = f"with a frequency {100.0 * USUAL:g} % off up to {1e3 * borne.peak:.2f} mm"
     after = f"after the end {1e3 * borne.residual:.2f} mm"
     if borne.error == 0.0:

@@ -134,7 +134,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Predicts the motions and prints the results; returns 1 if a limit is exceeded."""
+    """Predicts the motions and prints the results; returns 1 if a height limit is exceeded."""
     if not arguments.trajectories and arguments.gantry is None:
         raise SloshBringupError(MISSING)
     outputs = [arguments.output, arguments.plot, arguments.page]
@@ -282,7 +282,7 @@ def as_text(
 
 
 def _of_tray(each: TrayPrediction) -> Iterator[str]:
-    """Yields text lines with a tray's container nearest to its limit, and the others' heights."""
+    """Yields lines on a tray's container nearest to its limit and on its other containers."""
     others = ", ".join(
         f"{name} {1e3 * one.nonlinear.peak:.1f} mm"
         for name, one in each.containers.items()

@@ -162,7 +162,7 @@ def check_outputs(stated: Sequence[StatedBag], tasks: Sequence[Task], junit: Pat
 def replay_all(
     tasks: Sequence[Task], arguments: argparse.Namespace
 ) -> list[ItemOutcome[Task, Replayed]]:
-    """Runs the replay tasks and returns their outcomes in the same order."""
+    """Runs the replay tasks and returns their outcomes in the order of the tasks."""
     outcomes: list[ItemOutcome[Task, Replayed]] = []
     division = work_of([task.bag for task in tasks], arguments)
     work = map_files(replay_task, tasks, **division._asdict())

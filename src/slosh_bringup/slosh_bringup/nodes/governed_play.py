@@ -63,7 +63,7 @@ class GovernedPlay:
 
     @property
     def outcome(self) -> GovernedOutcome:
-        """Comparison of the governed motion and its liquid height with the commands."""
+        """Comparison of the governed with the commanded motion: distance and liquid height."""
         return self.cup.outcome(self._motion, self.limit)
 
     @property

@@ -309,7 +309,7 @@ def other_frequency(base: Fit, motions: Sequence[PreparedMotion]) -> OtherFreque
 
 
 def _unlike(base: Fit, motions: Sequence[PreparedMotion], factor: float) -> float:
-    """Returns the fraction of the heights' power unexplained with a scaled natural frequency."""
+    """Returns the fraction of the heights' power that a scaled natural frequency leaves over."""
     models = [
         base.model_of(one.motion.group).with_effect(EFFECT, factor=factor) for one in motions
     ]

@@ -250,7 +250,7 @@ def _motion_of(name: str, recording: BagRecording, part: Part) -> MeasuredMotion
 
 
 def _disagreement(recording: BagRecording, part: Part) -> float:
-    """Returns the rms of the recorded residuals over a part [m]; NaN without residuals."""
+    """Returns the rms of recorded residuals in part of a recording [m]; NaN without residuals."""
     stamps, values = recording.residuals
     first, last = np.searchsorted(stamps, (part.heights_start, part.end + 1))
     if first == last:

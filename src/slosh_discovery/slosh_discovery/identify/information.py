@@ -1,4 +1,4 @@
-"""Finds parameters that the motions identify, and motions that would identify the remaining."""
+"""Finds which parameters the motions identify, and motions that would identify all others."""
 
 from __future__ import annotations
 

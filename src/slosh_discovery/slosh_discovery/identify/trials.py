@@ -171,7 +171,7 @@ def _is_stroke(inputs: Inputs, first: int, last: int) -> bool:
 
 
 def _integrated(rates: Array, t: Array) -> Array:
-    """Returns the integral (N,) from the first sample on, by the trapezoidal rule."""
+    """Returns the integral (N,) of a time series from its first sample on (trapezoidal rule)."""
     steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(t)
     return np.concatenate([np.zeros(1), np.cumsum(steps)])
 

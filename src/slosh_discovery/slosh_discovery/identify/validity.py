@@ -72,7 +72,7 @@ class LineLimit:
 def line_limit(
     motions: Sequence[MeasuredMotion], ratio: float, tolerance: float = TOLERANCE
 ) -> LineLimit | None:
-    """Finds the speeds at which the surface is a straight line; None if no profile is known.
+    """Finds the speeds at which the surface is a straight line; None without surface profiles.
 
     Args:
         motions: those with a profile and an operating speed count.

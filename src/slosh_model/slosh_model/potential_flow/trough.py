@@ -155,7 +155,7 @@ def _solved(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Integrals:
-    """Integrals over half of a trough's section, as matrices and vectors of its elements.
+    """Finite-element matrices and vectors of integrals over half of a trough's cross-section.
 
     Attributes:
         slopes: (2, 2) ∫ψ_i v_j dA, i and j of y, z.

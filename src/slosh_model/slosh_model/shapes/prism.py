@@ -332,7 +332,7 @@ def _furthest(container: PrismaticContainer) -> float:
 
 
 def _static_axes(container: PrismaticContainer, masses: int) -> float:
-    """Returns the main axis of the quasi-static height that the modes do not contain [rad]."""
+    """Returns the azimuth of the main axis of the quasi-static height without the modes [rad]."""
     across = difference = 0.0
     for n in range(1, masses + 1):
         part = container.curved_gain(n) / container.natural_frequency(n) ** 2
