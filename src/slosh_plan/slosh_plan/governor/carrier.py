@@ -22,7 +22,7 @@ ROUNDING = 1e-6
 
 
 class Carrier:
-    """Joints that carry the container along, and what they refused.
+    """State of the joints that carry the container, and the joint limit met last.
 
     Args:
         arm: the robot, at the start; None: its joints are not known.
@@ -50,7 +50,7 @@ class Carrier:
             self.start_at(arm.start, np.zeros(3))
 
     def start_at(self, places: Array, origin: Array) -> None:
-        """Lets the joints go on from measured positions, and keeps the container's pose there.
+        """Sets the joints to measured positions at rest, and holds the container's pose there.
 
         Args:
             places: (J,) [rad or m]; without a `doubt`.
@@ -67,12 +67,12 @@ class Carrier:
         self._goal[layout.ORIGIN :] -= origin
 
     def differs(self, places: Array) -> bool:
-        """Whether measured positions are others than those that were computed."""
+        """Whether measured joint positions differ from the computed ones beyond a tolerance."""
         apart = np.abs(places - self.joints[layout.PLACE])
         return bool(apart.max() > TUNING.governor_measured)
 
     def doubt(self, places: Array, *, rests: bool) -> str:
-        """Returns why measured joint positions are not those of a safe motion; empty: they are.
+        """Returns why measured joint positions forbid further motion; empty if they do not.
 
         Args:
             places: (J,) [rad or m].
@@ -106,7 +106,7 @@ class Carrier:
         ) * (tilt > TUNING.governor_upright)
 
     def refused_by(self, share: float) -> str:
-        """Returns joint and limit for which no more of a command was followed; empty: none.
+        """Returns the joint and limit that reduced the command in this step; empty for none.
 
         Args:
             share: of the command that was followed in the step.
@@ -119,7 +119,7 @@ class Carrier:
 
 
 def _ranges(arm: GovernedArm) -> Array:
-    """Returns the limits (5, J) of the joints, lowered for what lies between two samples."""
+    """Returns the joints' limits (5, J), reduced by a margin for peaks between two samples."""
     found, room = arm.bounds, TUNING.governor_carried_place
     found[layout.LOWER] = np.minimum(found[layout.LOWER] + room, arm.start - ROUNDING)
     found[layout.UPPER] = np.maximum(found[layout.UPPER] - room, arm.start + ROUNDING)

@@ -97,7 +97,7 @@ def turned_by(r, joint, angle):  # type: ignore[no-untyped-def]
 
 @compiled
 def _felt(r, force, point, felt):  # type: ignore[no-untyped-def]
-    """Stores in `felt` the acceleration of an upright container with equal effect [m/s²]."""
+    """Stores the acceleration that moves the liquid in an upright container equally [m/s²]."""
     fx, fy, fz = force[0], force[1], force[2] + GRAVITY
     if point[TURNS] != 0.0:
         felt[0] = r[0] * fx + r[3] * fy + r[6] * fz
@@ -113,7 +113,7 @@ def _felt(r, force, point, felt):  # type: ignore[no-untyped-def]
 
 @compiled
 def _joint_step(r, joint, motion):  # type: ignore[no-untyped-def]
-    """Returns a joint's axis and the way to it [m] in the root's axes, its position and rate."""
+    """Returns a joint's axis and offset [m] in the root's axes, its position and its rate."""
     column, factor = int(joint[COLUMN]), joint[TIMES]
     at, rate = factor * motion[PLACE, column] + joint[OFFSET], factor * motion[VELOCITY, column]
     axis = rotated(r, joint[ALONG], joint[ALONG + 1], joint[ALONG + 2])
@@ -125,7 +125,7 @@ def _joint_step(r, joint, motion):  # type: ignore[no-untyped-def]
 
 @compiled
 def felt_at(joints, points, motion, felt, moved):  # type: ignore[no-untyped-def]
-    """Computes the acceleration of points on a robot's last link from its joint motion [m/s²].
+    """Computes accelerations of points on a robot's last link from its joint motion [m/s²].
 
     Args:
         joints: (J + 1, JOINT) from the root on; the last is the moving link, fixed to the joint

@@ -140,7 +140,7 @@ class Governor:
             one.load()
 
     def take(self, command: Command) -> None:
-        """Stores a command, which replaces the previous one; the next step uses it."""
+        """Stores a command for the next step; it replaces the previous command."""
         self._commands += 1
         self._command = self._latest = command
         self._came = True
@@ -154,7 +154,7 @@ class Governor:
         self._reason = StopReason.REQUESTED
 
     def locate(self, places: Sequence[float]) -> str:
-        """Takes measured positions (J,) of the carrying joints; at rest they go on from there.
+        """Compares measured positions (J,) of the joints; at rest, adopts them as the new start.
 
         Returns:
             why they make the next step a stop; empty: they do not.
@@ -168,7 +168,7 @@ class Governor:
         return doubt
 
     def lose(self, *, lost: bool) -> None:
-        """States whether the joints that carry the container are not known: a stop to rest."""
+        """Sets whether the joints' positions are unknown, which makes the governor stop."""
         self._lost = lost
 
     def release(self) -> bool:
@@ -196,7 +196,7 @@ class Governor:
 
     @property
     def joints(self) -> Array:
-        """Present velocities, accelerations, positions (3, J) of the robot; J = 0: unknown."""
+        """The robot's joint velocities, accelerations and positions (3, J); J = 0: unknown."""
         return self._carrier.joints if self.arm is None else self._motion
 
     def idle(self, now_ns: int) -> Governed:
@@ -234,7 +234,7 @@ class Governor:
         return told._replace(state=state)
 
     def _look(self, now_ns: int) -> None:
-        """Sets the stop reason for a bad command, an old one or a late step; clears it at rest."""
+        """Sets the reason to stop (bad or old command, late step, lost joints), or clears it."""
         late = not 0 < now_ns - self._last_ns <= TUNING.governor_late * self.period * SECOND
         late = late and self._last_ns > -(2**62)
         self._last_ns = now_ns
@@ -311,7 +311,7 @@ class Governor:
             containers.settle(own, felt, first_period(self._cups[cup].model))
 
     def _use(self, liquid: SeenLiquid) -> None:
-        """Sets the first container's models to an observed state, simulated up to the present."""
+        """Sets the first container's models to a past observed state, simulated up to now."""
         stores = self._stores[: layout.MODELS, : int(self._table[0, layout.SIZE])]
         count = self._past.since(liquid.stamp_ns)
         known = liquid.modal.shape == (len(divided(stores[0])[1]), 4)

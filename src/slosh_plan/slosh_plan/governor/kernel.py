@@ -99,13 +99,13 @@ def _is_held(plan):  # type: ignore[no-untyped-def]
 
 @compiled
 def _is_known(plan, state):  # type: ignore[no-untyped-def]
-    """Whether a candidate is the stored stop and already verified, so it needs no simulation."""
+    """Whether a candidate motion is the stored safe stop, verified and so not simulated again."""
     return _is_held(plan) and state[BOUND] <= 1.0 and state[SEEN] == 0.0
 
 
 @compiled
 def _is_known_of_others(plan, state):  # type: ignore[no-untyped-def]
-    """Whether it is the verified stop, but the first liquid has been observed since then."""
+    """Whether only the first liquid, newly observed, must be simulated again in the safe stop."""
     return _is_held(plan) and state[BOUND] <= 1.0 and state[SEEN] != 0.0
 
 
@@ -163,7 +163,7 @@ def _to_front(row, value):  # type: ignore[no-untyped-def]
 
 @compiled
 def _carried(one, plan, begun, moves, rows):  # type: ignore[no-untyped-def]
-    """Whether the joints that carry the container keep their limits in a candidate.
+    """Whether the joints that carry the container keep their limits in a candidate motion.
 
     They do in what is left of the held stop.
     """
@@ -172,7 +172,7 @@ def _carried(one, plan, begun, moves, rows):  # type: ignore[no-untyped-def]
 
 @compiled_apart
 def _verified(one, plan, begun, moves, cups, ranks, exact, told):  # type: ignore[no-untyped-def]
-    """Simulates a candidate with all models; returns the largest fraction of a limit it reaches.
+    """Simulates a candidate motion with all models; returns the largest fraction of a limit.
 
     Containers that were nearest to their limits are looked at first; the first that exceeds one
     ends it.
@@ -214,7 +214,7 @@ def _verified(one, plan, begun, moves, cups, ranks, exact, told):  # type: ignor
 
 @compiled
 def _screened(moves, kept, cups, settings, bound, ranks, shares):  # type: ignore[no-untyped-def]
-    """Stores in `shares` a lower bound of the fraction of the limits that each candidate uses."""
+    """Stores in `shares` a lower bound of each candidate motion's largest fraction of a limit."""
     stores, driven, ends, intervals, _ = moves
     which = np.flatnonzero(kept == JUDGED)
     own = np.full((CANDIDATES, USES), math.inf)
@@ -231,7 +231,7 @@ def _screened(moves, kept, cups, settings, bound, ranks, shares):  # type: ignor
 
 @compiled
 def _best_part(plans, begun, moves, rows, cups, ranks, told):  # type: ignore[no-untyped-def]
-    """Bisects for the safe candidate that follows the command most; returns index and limit use.
+    """Bisects for the largest safe share of the command; returns candidate index and limit use.
 
     The last candidate is the held stop. What is not looked at is taken to be as its neighbours.
     """
@@ -259,7 +259,7 @@ def _best_part(plans, begun, moves, rows, cups, ranks, told):  # type: ignore[no
 
 @compiled
 def _best_of_all(plans, begun, moves, rows, kept, cups, ranks, follow, last, told):  # type: ignore[no-untyped-def]
-    """Returns the index of the best candidate, and the largest fraction of a limit it reaches.
+    """Returns the best candidate motion's index, and the largest fraction of a limit it reaches.
 
     Few models tell which are surely unsafe; the best of the others are verified by all models.
 

@@ -1,4 +1,4 @@
-"""Compiled wall heights of a container's models in candidate motions, a lane for each of both."""
+"""Compiled wall heights of a container, one vector lane per pair of model and motion."""
 
 from __future__ import annotations
 

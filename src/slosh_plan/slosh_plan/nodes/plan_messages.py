@@ -123,7 +123,7 @@ def waypoints_of(request: Any) -> Waypoints:
 
 
 def _kept(attitude: Array) -> Array:
-    """Returns the attitude (4,) that all attitudes (N, 4) share.
+    """Returns the attitude (4,) that a path's attitudes (N, 4) share; an error if they differ.
 
     Raises:
         SloshEstimatorError: it changes.

@@ -219,7 +219,7 @@ def _least(make: Make, limits: PlanLimits) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """Rule that lowers the speed along a curved path where its curvature is high.
+    """Rule that lowers the speed where the path is strongly curved.
 
     Attributes:
         power: 0: an even speed; 1/3: the two-thirds power law, at which an ellipse is gone through
@@ -265,7 +265,7 @@ class PacedLeg:
         return (spline, spline.derivative(), spline.derivative(2))
 
     def along(self, place: Array, rate: Array, change: Array) -> tuple[Array, Array, Array]:
-        """Converts the parameter and its time derivatives to path length s and its derivatives."""
+        """Converts a curve parameter and its time derivatives to path length s and its own."""
         s, slope, bend = (np.asarray(spline(np.clip(place, 0.0, 1.0))) for spline in self.splines)
         return s, slope * rate, bend * rate**2 + slope * change
 

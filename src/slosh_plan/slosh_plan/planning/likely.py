@@ -44,7 +44,7 @@ class LikelyModels:
     steps: Array
 
     def nearer(self, index: int, share: float) -> Model:
-        """Returns a model whose parameter errors are a fraction of those of another model.
+        """Returns the model with a given fraction of a likely model's parameter errors.
 
         Args:
             index: of the other.

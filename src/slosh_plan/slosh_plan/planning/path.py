@@ -59,7 +59,7 @@ class Leg:
         return 0.0, 0.0
 
     def columns(self, s: Array) -> Array:
-        """Returns position derivatives along the leg, which the search interpolates."""
+        """Returns d/ds, d²/ds² and d³/ds³ of the position along the leg, for interpolation."""
         return np.column_stack(self.at(s)[1:])
 
 
@@ -156,7 +156,7 @@ def smooth_path(points: Array, names: Sequence[str], stopped: Callable[[], bool]
 
 
 def _distinct(points: Array) -> Array:
-    """Removes points that repeat the previous one, but keeps the last point."""
+    """Removes path points that repeat the previous point, but keeps the last point."""
     kept = [0]
     for row in range(1, len(points)):
         if not _near(points[row], points[kept[-1]]):

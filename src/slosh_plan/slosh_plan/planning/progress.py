@@ -11,7 +11,7 @@ from slosh_plan.errors import SloshPlanError
 
 
 class StoppedError(SloshPlanError):
-    """Error that planning was stopped before it found a safe motion."""
+    """Error that planning was stopped by the user or caller before it found a safe motion."""
 
 
 @dataclass(frozen=True, slots=True)
