@@ -115,7 +115,7 @@ def level_fault(fit: PlaceFit, levels: LevelLines, told: tuple[float, float] | N
 
 
 def is_corroborated(fit: PlaceFit) -> bool:
-    """Whether image edges confirm a curve of the container that the fit did not use.
+    """Whether edges confirm curves of the container that were not used in the fit.
 
     A wall of no thickness shows no glass. Where one line of the level is all that is seen, more of
     it must show: two sides and a line are soon found in other things.

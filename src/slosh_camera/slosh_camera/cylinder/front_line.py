@@ -123,7 +123,7 @@ class FrontLineFinder:
         return Flag.NOT_FOUND
 
     def _rows(self, parts: tuple[float, float]) -> slice:
-        """Returns the rows between two given fractions of the depth below the level at rest."""
+        """Returns the wall rows between two fractions of the depth below the level at rest."""
         below = self._grid.shape[0] - self._grid.still_row
         top, bottom = (self._grid.still_row + int(part * below) for part in parts)
         return slice(top, bottom)

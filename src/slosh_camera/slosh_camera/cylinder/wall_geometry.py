@@ -105,7 +105,7 @@ class WallGeometry:
         return np.asarray(edge_search.rows_of_heights(self._front_height, self._shapes @ heights))
 
     def covered_border(self, picture: Single) -> bool:
-        """Whether something other than background is visible at the border of the image."""
+        """Whether the image border shows something other than background."""
         cut = np.flatnonzero(self.first_row > 0)
         return bool(
             np.count_nonzero(picture[self.first_row[cut], cut] < TUNING.covered)

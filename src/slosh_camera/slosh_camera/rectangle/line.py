@@ -24,7 +24,7 @@ _SOBEL_STEP = 8.0 / float(np.sqrt(2.0 * np.pi))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ColumnSplit:
-    """Row in each column where background changes to liquid, at half resolution.
+    """Row in each image column where background changes to liquid, at half resolution.
 
     Attributes:
         rows: (columns,) boundary between rows of half the size: the number of rows above it.
@@ -41,7 +41,7 @@ class ColumnSplit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edges:
-    """The detected edge in each image column, with sub-pixel precision.
+    """Sub-pixel row and blur of the detected edge in each image column.
 
     Attributes:
         rows: (columns,) counted from the region's top; NaN where there is none.

@@ -44,7 +44,7 @@ class Waves(ABC):
 
     @abstractmethod
     def basis(self, x: FloatArray) -> FloatArray:
-        """Returns the basis functions (N, FUNCTIONS) at positions x (N,) from the middle [m]."""
+        """Returns the basis functions (N, FUNCTIONS) at distances x (N,) from the middle [m]."""
 
     @property
     @abstractmethod

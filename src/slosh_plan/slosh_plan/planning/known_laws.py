@@ -265,7 +265,7 @@ class PacedLeg:
         return (spline, spline.derivative(), spline.derivative(2))
 
     def along(self, place: Array, rate: Array, change: Array) -> tuple[Array, Array, Array]:
-        """Converts a curve parameter and its time derivatives to path length s and its own."""
+        """Converts a curve parameter and its time derivatives to s [m], ds/dt and d²s/dt²."""
         s, slope, bend = (np.asarray(spline(np.clip(place, 0.0, 1.0))) for spline in self.splines)
         return s, slope * rate, bend * rate**2 + slope * change
 
