@@ -265,7 +265,7 @@ class Observer:
         return Outcome.USED
 
     def _is_another_wave(self, moment: float, points: Array) -> bool:
-        """Resets the wave and fits it to measured points; returns False if none fits."""
+        """After many rejections, fits a new wave to measured points; returns False if it fails."""
         shown = len(points) >= TUNING.shape_points
         if self._rejected < (TUNING.reopen if shown else TUNING.reopen_unseen):
             return False
@@ -324,7 +324,7 @@ class Observer:
         self._spread(self._largest)
 
     def _spread(self, height: float) -> None:
-        """Sets the prior standard deviation of each mode's wave height [m]."""
+        """Sets the covariance of all modes from a standard deviation of wave height [m]."""
         states = len(self._covariance) - layout.PARAMETERS
         self._covariance[:states], self._covariance[:, :states] = 0.0, 0.0
         place = height / self._blocks[:, layout.GAIN]
@@ -352,7 +352,7 @@ class Observer:
         )  # fmt: skip
 
     def _bounded(self, out: list[float], slowest: float) -> tuple[float, float]:
-        """Returns the bounds of the wave's envelope, at least the wave that measurements show."""
+        """Returns two bounds of the wave's envelope [m], not below the wave in measurements."""
         since = math.inf if self._moved_ns is None else self._newest_ns - self._moved_ns
         bound, sure = self._bounds.update(
             Envelope(

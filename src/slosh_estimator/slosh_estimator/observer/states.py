@@ -101,7 +101,7 @@ class FusedState(NamedTuple):
 
     @property
     def trusted(self) -> bool:
-        """Whether the state is more certain than an estimate without measurements."""
+        """Whether measurements were used and the height is certain enough to rely on."""
         return self.corrected_ns is not None and self.msh_stddev <= TUNING.trusted_stddev
 
 
