@@ -69,7 +69,7 @@ class MotionAgreement(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Describes in one line how to resolve a disagreement; the azimuth comes first."""
+        """Describes in one line how to resolve a disagreement; a wrong azimuth comes first."""
         if self.offset is not None and self.is_turned:
             return self.offset.sentence
         return (

@@ -55,7 +55,7 @@ class ContainerMonitor:
             self.core.motions.reset()  # what disagreed was another container
 
     def take_events(self) -> list[Event]:
-        """Returns the limit and disagreement events of this container since the last call."""
+        """Returns limit events of measured heights, and disagreements, since the last call."""
         return [
             replace(event, description=f"container {self.name}: {event.description}")
             for event in self.core.take_events()

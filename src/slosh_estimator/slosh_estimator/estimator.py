@@ -226,7 +226,7 @@ class Estimator:
         )  # fmt: skip
 
     def take_up(self, state: EstimatorState) -> None:
-        """Restores the state that `state` of another estimator with the same model returned.
+        """Restores a complete state that `state` of an estimator with the same model returned.
 
         Raises:
             SloshEstimatorError: the state is one of another model or version; nothing changes.
@@ -384,7 +384,7 @@ class Estimator:
         return self._pose
 
     def _diverged(self, sample: Sample) -> int:
-        """Restarts from rest after the model left its physical range; returns DIVERGED's flags."""
+        """Restarts the models from rest after they left their physical range; returns flags."""
         self.divergences += 1
         self._restart(sample.stamp_ns)
         self._step(0.0, sample, True)

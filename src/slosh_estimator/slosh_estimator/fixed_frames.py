@@ -20,7 +20,7 @@ class FixedFrames:
         self._parents: dict[str, Transform] = {}
 
     def take(self, transforms: Iterable[Transform]) -> None:
-        """Adds fixed transforms to the known frames."""
+        """Adds fixed transforms to those already stored."""
         for one in transforms:
             self._parents[one.child.lstrip("/")] = one
 

@@ -231,7 +231,7 @@ class Monitor:
         return list(self._ready(arrival_ns))
 
     def check(self, now_ns: int) -> list[Comparison]:
-        """Checks timeouts; if camera or estimator is silent, returns what only one of both says.
+        """Checks timeouts; returns one-sided comparisons while camera or estimator is silent.
 
         Returns:
             where a side is silent, or no measurement has met an estimate since the last look:
@@ -535,7 +535,7 @@ class Monitor:
         )
 
     def _judge(self, measured: MeasuredPoint, expected: Expected) -> None:
-        """Adds measured and estimated height to the accuracy, unless the former is a low bound."""
+        """Adds a pair of heights to the accuracy; skips a lower bound below the estimate."""
         linear, nonlinear, _, wave = expected
         bound = bool(measured.flags & SATURATED)
         if not (bound and measured.msh <= nonlinear):

@@ -184,7 +184,7 @@ class PoseInput(CheckedInput):
         return [float(self._at), *self._misfit, *self.sampling.memory, *rows, *checked]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores the state that `memory` of another reader of this input type returned.
+        """Restores the reader's state from the numbers that `memory` returned.
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input or another window.

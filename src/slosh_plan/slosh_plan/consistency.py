@@ -29,7 +29,7 @@ def check_consistent(
     velocities: Array | None = None,
     accelerations: Array | None = None,
 ) -> None:
-    """Raises an error if the given fields of a motion contradict each other.
+    """Raises an error if a motion's positions, velocities and accelerations contradict each other.
 
     Velocities that are all zero count as not given: they are often filled in, and not used.
 

@@ -175,7 +175,7 @@ class _Scan:
     budget: Budget
 
     def looked_at(self, scales: Array) -> Bools:
-        """Returns whether each time scale is safe; doubtful ones are simulated in full."""
+        """Returns a mask of safe time scales; simulates doubtful scales in full."""
         found = self._coarse(scales)
         safe = np.array([self._keeps(one) for one in found])
         doubtful = np.flatnonzero([self._doubtful(one) for one in found])

@@ -261,7 +261,7 @@ def check_hint(hint: Hint, numbers: FloatArray) -> None:
 
 
 def pose_by_board(fit: BoardFit, board_in_container: Pose) -> tuple[Pose, FloatArray]:
-    """Computes the pose of a container from a board whose pose relative to it is known.
+    """Computes the container's pose from a board whose pose in the container frame is known.
 
     Args:
         fit: where the board is.

@@ -207,7 +207,7 @@ class Observer:
         return inside
 
     def _follow_motion(self, sample: Sample) -> None:
-        """Detects the container's motions; clears the mean acceleration when one has ended."""
+        """Detects the container's motions; clears the mean acceleration at a motion's end."""
         self._motions.add_one(sample.stamp_ns, (sample.ax, sample.ay, sample.az))
         spans = self._motions.spans
         if not spans:

@@ -290,7 +290,7 @@ class Governor:
         return self._within(wanted + TUNING.governor_pull * (target - origin - place))
 
     def _within(self, velocity: Array) -> Array:
-        """Limits velocities (D,) to the joints' maxima; reduces them near the position limits."""
+        """Limits velocities (D,) to the joints' maxima, and lower near the position limits."""
         if self.arm is None:
             return velocity
         place, slack = self._motion[layout.PLACE], TUNING.governor_slack

@@ -169,7 +169,7 @@ def _variant(state, settings, turn):  # type: ignore[no-untyped-def]
 
 @compiled
 def make_plans(state, settings, block, follow, plans, best):  # type: ignore[no-untyped-def]
-    """Chooses the candidate motions of one round: shares of the command and shapes of the stop.
+    """Chooses the candidates of one search round: shares of the command, shapes of the stop.
 
     All of the command with various stops; shares of it with the lowest of them, down to nothing;
     the held stop and others from now on, in a stop shorter ones.

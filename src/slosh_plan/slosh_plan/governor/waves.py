@@ -133,7 +133,7 @@ def _slope(pendulum, w, k, q, ax, ay, g):  # type: ignore[no-untyped-def]
 
 @compiled
 def _advance(pendulum, w, k, step, share):  # type: ignore[no-untyped-def]
-    """Makes one Runge-Kutta step of a lane, up to a share of the interval between two samples."""
+    """Makes one Runge-Kutta step of a lane; `share` is the step's end in the sample interval."""
     x, y, vx, vy = w[X + k], w[Y + k], w[VX + k], w[VY + k]
     ax, ay, g = w[LEFT_X + k], w[LEFT_Y + k], w[LEFT_G + k]
     bx = w[OLD_X + k] + share * (w[NEW_X + k] - w[OLD_X + k])
@@ -172,7 +172,7 @@ def _advance_pendulum(lanes, w, step, share):  # type: ignore[no-untyped-def]
 
 @compiled
 def _heights(w, k):  # type: ignore[no-untyped-def]
-    """Returns the wall heights of one lane at the container's +x and +y [m]."""
+    """Returns the wall heights of one lane at the container's +x and +y side [m]."""
     g = w[NEW_G + k]
     light = 1.0 / (g if g > 0.5 else 0.5)
     x = w[GAIN_X + k] * w[X + k] - w[STATIC_X + k] * light * w[NEW_X + k]

@@ -57,7 +57,7 @@ class RequestedPath:
 
     @property
     def attitude(self) -> Array | None:
-        """Attitude quaternion (4,) of the container; None if upright or given by the joints."""
+        """Container's attitude quaternion (4,); None if upright or determined by the joints."""
         return None if self.waypoints is None else self.waypoints.attitude
 
     def path(self, model: Model, stopped: Callable[[], bool]) -> Path:

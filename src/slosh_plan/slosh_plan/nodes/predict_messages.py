@@ -155,7 +155,7 @@ def read_points(
 
 
 def poses_of(points: PointArrays) -> tuple[Array | None, Array | None]:
-    """Returns positions (N, 3) [m] and attitudes (N, 4), or None if they are not given.
+    """Returns positions (N, 3) [m] and attitudes (N, 4) of trajectory points; None if missing.
 
     The attitude is None, too, where the container stands unturned throughout. A rotation of zeros
     is upright.

@@ -219,7 +219,7 @@ def standing_uses(
 
 
 def _with_rest(motion: PlannedMotion, seconds: float, attitude: Array | None) -> Inputs:
-    """Returns a motion and the rest after it as input of a model."""
+    """Returns a motion, followed by rest, as input of a model."""
     rest = np.zeros((int(np.ceil(seconds / motion.step)), 3))
     acceleration = np.concatenate([motion.acceleration, rest])
     t: Array = motion.step * np.arange(len(acceleration), dtype=np.float64)
@@ -232,7 +232,7 @@ def _finite(msh: Array) -> Array:
 
 
 def attitudes(motion: PlannedMotion, attitude: Array | None, rows: int) -> Array | None:
-    """Returns quaternions over a motion and the rest after it, or None if upright.
+    """Returns quaternions over a motion and the rest that follows; None if upright.
 
     Args:
         motion: the motion.

@@ -186,7 +186,7 @@ Ends = tuple[Array | None, Array | None]
 
 
 def _tangents(parts: list[Array], reversals: tuple[bool, ...]) -> list[Ends]:
-    """Returns the tangents at the ends of the legs, or None where the tangent is free."""
+    """Returns the tangents at the ends of the legs, or None where no tangent is prescribed."""
     first: list[Array | None] = [None] * len(parts)
     last: list[Array | None] = [None] * len(parts)
     for n, back in enumerate(reversals):
@@ -260,7 +260,7 @@ def _through(at: Array, points: Array, first: Array | None, last: Array | None) 
 
 
 def _conditions(ends: tuple[list[tuple[int, Array]] | None, ...]) -> Any:
-    """Returns the end conditions for SciPy's splines; natural ones where the tangent is free."""
+    """Returns SciPy's spline end conditions; natural ones where no tangent is prescribed."""
     if all(end is None for end in ends):
         return None
     none = np.zeros_like(next(end for end in ends if end is not None)[0][1])

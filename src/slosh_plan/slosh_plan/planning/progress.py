@@ -68,7 +68,7 @@ class Watch:
         self.stopped()
 
     def forget(self) -> None:
-        """Discards the safe motions found so far, which belong to another container."""
+        """Discards the safe motions found for another container, when planning starts again."""
         self._duration = math.inf
 
     def found(self, duration: float) -> None:

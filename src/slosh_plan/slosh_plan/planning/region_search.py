@@ -137,7 +137,7 @@ class RegionSearch:
     def judged(
         self, motion: CheckedMotion, legs: Legs = (), models: Sequence[Model] | None = None
     ) -> Judged:
-        """Simulates a motion with the models given, or else with all likely models."""
+        """Simulates a motion with chosen models, or with all likely models by default."""
         check, limits = self.search.check, self.search.limits
         models = models or self.likely.models
         heights, upper = upper_heights(models, motion.motion, check.attitude, check.error)

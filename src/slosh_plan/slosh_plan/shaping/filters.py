@@ -141,7 +141,7 @@ def moving_average(mode: Damped) -> Filter:
 
 
 def exponential(mode: Damped) -> Filter:
-    """Creates an average over one period whose weights decay like the mode.
+    """Creates an average over one period whose weights decay like the mode's oscillation.
 
     >>> mode = Damped(frequency=2.0 * math.pi, damping_ratio=0.02)
     >>> exponential(mode).residual(mode) < 1e-6
