@@ -384,7 +384,7 @@ class Estimator:
         return self._pose
 
     def _diverged(self, sample: Sample) -> int:
-        """Restarts the models from rest after they left their physical range; returns flags."""
+        """Restarts the models from rest after leaving the physical range; returns their flags."""
         self.divergences += 1
         self._restart(sample.stamp_ns)
         self._step(0.0, sample, True)
@@ -412,7 +412,7 @@ class Estimator:
 
 
 def _distance(modes: NDArray[np.void], others: NDArray[np.void]) -> float:
-    """Returns the greatest wave height [m] that the difference of two modal states may cause."""
+    """Returns the greatest wave height [m] by which two modal states of the liquid may differ."""
     places = np.hypot(modes["x"] - others["x"], modes["y"] - others["y"])
     speeds = np.hypot(modes["vx"] - others["vx"], modes["vy"] - others["vy"])
     slower = modes["natural_frequency"] * np.minimum(modes["frequency_ratio"], 1.0)

@@ -114,7 +114,7 @@ class HeldContainer:
 
     @property
     def described(self) -> str:
-        """Describes the container and its limit in one line for users."""
+        """Describes the held container and its height limit in one line for users."""
         if self.empty:
             return "no container"
         name = f"container {self.name}, " if self.name else ""

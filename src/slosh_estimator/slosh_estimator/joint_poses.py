@@ -115,7 +115,7 @@ class JointPoses:
         return len(self._owners) == len(self._robot.carrying) and known <= self._streams.keys
 
     def _layout(self, names: tuple[str, ...]) -> _Layout:
-        """Selects a message's joints that carry the container and have no other publisher."""
+        """Selects the joints in a message that carry the container and have no other publisher."""
         self._seen.update(dict.fromkeys(names))
         joints = tuple(name for name in self._robot.carrying if name in names)
         taken = [j for j in joints if self._owners.get(j, joints) != joints]

@@ -229,5 +229,5 @@ class LimitTracker:
 
 
 def _watched(limit: float) -> float:
-    """Returns the limit [m], or infinity if the quantity is not monitored."""
+    """Returns a quantity's limit [m], or infinity if the quantity is not monitored."""
     return limit if math.isfinite(limit) else math.inf

@@ -211,7 +211,7 @@ class Monitor:
         return found
 
     def add_measurement(self, point: MeasuredPoint, arrival_ns: int) -> list[Comparison]:
-        """Adds a measured height; returns its comparison with the estimate, if both are known.
+        """Adds a measured height; returns the comparisons with estimates that are now ready.
 
         Without a camera, by the settings, it is not looked at.
         """
@@ -401,7 +401,7 @@ class Monitor:
         return estimated if clocks_apart(measured, estimated) else max(measured, estimated)
 
     def _change_limit(self, source: Source, stamp_ns: int) -> None:
-        """Applies those changes of limits that are valid at a stamp [ns]."""
+        """Applies the changes of limits that are due at a stamp [ns]."""
         changes = self._changes[source]
         while changes and changes[0].stamp_ns < stamp_ns:
             event = self._trackers[source].change(*changes.popleft())

@@ -79,7 +79,7 @@ class PoseFilter(NamedTuple):
         return plain._replace(most=(CUBIC if order == 2 else LINEAR) + 2 * higher)
 
     def terms(self, count: int) -> int:
-        """Returns how many polynomial terms to fit to a number of values."""
+        """Returns how many polynomial terms to fit to a given number of poses."""
         if self.most and count > self.most + 1:
             return self.most
         if self.order == 1:
@@ -97,7 +97,7 @@ class PoseFilter(NamedTuple):
         return needed + 1 - needed % 2
 
     def gain(self, frequency: float, interval: float) -> float:
-        """Returns the filter's gain for a wave, including linear interpolation afterwards.
+        """Returns the filter's amplitude gain for a wave, with linear interpolation of its output.
 
         Args:
             frequency: of the wave [rad/s].

@@ -44,7 +44,7 @@ class Mimic(NamedTuple):
 
 
 class Robot:
-    """A robot that carries the container.
+    """A robot that carries the container, for forward kinematics from joint positions.
 
     Args:
         urdf: text of its description.

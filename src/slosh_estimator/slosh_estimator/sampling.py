@@ -174,7 +174,7 @@ class Sampling:
         return found
 
     def sentence(self) -> str:
-        """Returns one line on a mode that the rate cannot represent; empty if it suffices."""
+        """Returns one line on a mode that the input's rate cannot represent; else empty."""
         if not self.slow:
             return ""
         number, frequency, gain = next(self._lost(self.seconds))

@@ -241,7 +241,7 @@ class _Scan:
 def refined(
     exact: Callable[[Array], Bools], scales: Array, safe: Bools
 ) -> tuple[tuple[float, float], ...]:
-    """Returns the intervals of safe scales with refined edges."""
+    """Returns the intervals of safe time scales, with interval ends refined by more tests."""
     edges = np.flatnonzero(safe[1:] != safe[:-1])
     low, high = scales[edges], scales[edges + 1]
     rising = safe[edges + 1]

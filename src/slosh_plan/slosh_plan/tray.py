@@ -202,7 +202,7 @@ def tray_scales(
 
 
 def _open(scales: SafeScales, slowest: float) -> list[tuple[float, float]]:
-    """Returns the safe intervals of time scales; the last one is extended to `slowest`."""
+    """Returns the safe intervals of time scales, the last one extended to `slowest` if open."""
     return [(a, slowest if b == scales.slowest else b) for a, b in scales.intervals]
 
 

@@ -59,7 +59,7 @@ class LevelLines:
 
 
 def levels_of(edges: EdgeImage, fit: PlaceFit) -> LevelLines:
-    """Returns the line at a pose's liquid level, and the strongest other line that may be it.
+    """Returns the line at a pose's liquid level, and the strongest other line like a level.
 
     Args:
         edges: the image, without distortion.

@@ -101,7 +101,7 @@ def slopes_of(strip: Strip) -> FloatArray:
 
 
 def lasting_changes(strip: Strip, cup: Cup, place: CameraPlace) -> FloatArray:
-    """Returns the colour change across each height that persists further away [grey levels]."""
+    """Returns the colour change across each height that lasts beyond it [grey levels]."""
     step = float(strip.heights[1] - strip.heights[0])
     rear = np.maximum(rear_above(cup, place, strip.heights), 0.0) / step
     change = np.full(strip.heights.size, np.inf)
@@ -168,7 +168,7 @@ def rear_above(cup: Cup, place: CameraPlace, height: FloatOrArray) -> FloatOrArr
 def walls_below(
     edges: EdgeImage, view: CupView, heights: FloatArray, start: float, depth: float
 ) -> FloatArray:
-    """Returns for each height how much of both sides is visible below it to a depth, 0 to 1."""
+    """Returns which share of both sides is visible within a depth below each height, 0 to 1."""
     step = float(heights[1] - heights[0])
     count = min(max(round(depth / step), 1), _MOST_ROWS)
     z = np.concatenate((heights[0] - step * np.arange(count, 0, -1.0), heights)) - start

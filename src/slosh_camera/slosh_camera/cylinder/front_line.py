@@ -129,7 +129,7 @@ class FrontLineFinder:
         return slice(top, bottom)
 
     def _believable(self, tone: Tone) -> bool:
-        """Whether liquid and background differ enough, with the sign that the settings give."""
+        """Whether liquid and background differ enough, and the expected one is the lighter."""
         bright = max(float(np.max(tone.liquid)), float(np.max(tone.background)))
         if tone.contrast < self._settings.min_contrast or bright < self._settings.max_dark:
             return False

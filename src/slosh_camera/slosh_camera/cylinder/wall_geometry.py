@@ -1,4 +1,4 @@
-"""Tables of the wall points on all scan lines, and the lines of a surface on them."""
+"""Tables of the wall points on all scan lines, and where a surface lies on these lines."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def _rear_footprint(grid: ScanGrid) -> float:
 
 
 def _stretched(grid: ScanGrid) -> BoolArray:
-    """Returns scan lines (M,) on which refraction stretches the rear wall too much."""
+    """Returns a mask of scan lines (M,) where refraction stretches the rear wall too much."""
     row = grid.rear[grid.still_row]
     step = np.full(len(row), np.nan)
     step[1:-1] = 0.5 * np.linalg.norm(row[2:] - row[:-2], axis=1)

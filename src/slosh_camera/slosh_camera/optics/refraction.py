@@ -223,7 +223,7 @@ class GlassWall:
         return np.where(rear, angle + np.pi - 2.0 * _arcsin(impact / self.radius), angle)
 
     def _flat_length(self, impact: Array, slope: Array, distance: float, rear: BoolArray) -> Array:
-        """Returns the plan-view length of an unrefracted ray that rises as much as this ray."""
+        """Returns the plan-view length of a straight ray that rises as much as a refracted ray."""
         index = self._plan_index(slope)
         in_wall = impact / index
         outside = _leg(distance, impact) - _leg(self.outer_radius, impact)

@@ -41,7 +41,7 @@ from slosh_model.layout import records
 
 @compiled
 def _half_axis(wave):  # type: ignore[no-untyped-def]
-    """Returns the longer half axis [m] of a wave's elliptic motion, from x, y and rates as m."""
+    """Returns the longer half axis [m] of a wave's elliptic motion, from x, y and scaled rates."""
     squares = wave[0] ** 2 + wave[1] ** 2 + wave[2] ** 2 + wave[3] ** 2
     area = wave[0] * wave[3] - wave[1] * wave[2]
     rest = max(squares * squares - 4.0 * area * area, 0.0)

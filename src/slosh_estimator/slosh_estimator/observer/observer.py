@@ -277,7 +277,7 @@ class Observer:
         return False
 
     def _move_anchor(self) -> None:
-        """Moves the reference time to the middle of the stored inputs, to free the oldest."""
+        """Moves the filter's reference time to the middle of the stored inputs."""
         middle = self._ring[(self._first + len(self._ring) // 2) % len(self._ring)]
         self._corrected(float(middle[layout.TIME]), _NO_POINTS)
 

@@ -125,7 +125,7 @@ class ForceSurface:
         return self._complete()
 
     def _restarted_if_set_back(self, stamp_ns: int, newest_ns: int) -> list[SensedWave]:
-        """Clears all data if a stamp shows that the clock was set back, not mere disorder."""
+        """Clears all data if a stamp shows that the clock was set back."""
         if newest_ns - stamp_ns > TUNING.set_back_ns:
             self._forces.clear()
             self._motions.clear()

@@ -150,7 +150,7 @@ class Governor:
         self._seen = liquid
 
     def stop(self) -> None:
-        """Requests a stop that begins at the next step and lasts until `release`."""
+        """Requests a stop of the motion from the next step on, which lasts until `release`."""
         self._reason = StopReason.REQUESTED
 
     def locate(self, places: Sequence[float]) -> str:

@@ -105,7 +105,7 @@ def _is_known(plan, state):  # type: ignore[no-untyped-def]
 
 @compiled
 def _is_known_of_others(plan, state):  # type: ignore[no-untyped-def]
-    """Whether only the first liquid, newly observed, must be simulated again in the safe stop."""
+    """Whether the verified safe stop needs simulation only of the first liquid, observed since."""
     return _is_held(plan) and state[BOUND] <= 1.0 and state[SEEN] != 0.0
 
 

@@ -33,7 +33,7 @@ NAME = "the goal"
 
 
 class WrongJointsError(SloshPlanError):
-    """Error of a goal whose joints are not those of the robot."""
+    """Error of a trajectory goal whose joints are not those of the robot."""
 
 
 class Relayed(NamedTuple):

@@ -272,7 +272,7 @@ def _look_up(spline: BSpline, order: int) -> Any:
 
 
 def _expanded(terms: Expression, distance: Expression, width: int) -> Expression:
-    """Evaluates the Taylor expansion of the curve's columns at a distance."""
+    """Evaluates a leg's interpolated quantities at a distance by their Taylor expansion."""
     value, first, second = casadi().vertsplit(terms, width)
     return value + distance * (first + 0.5 * distance * second)
 

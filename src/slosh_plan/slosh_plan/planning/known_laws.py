@@ -271,6 +271,6 @@ class PacedLeg:
 
 
 def curved(leg: Leg) -> bool:
-    """Returns whether a leg is curved, so that the rule for the speed matters."""
+    """Returns whether a leg's curvature varies, so that the speed rule `Pace` has an effect."""
     bends = np.linalg.norm(leg.at(np.linspace(0.0, leg.length, TUNING.leg_points + 1))[2], axis=1)
     return bool(np.ptp(bends) * leg.length > TUNING.straight)

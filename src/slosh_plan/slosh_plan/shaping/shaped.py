@@ -332,7 +332,7 @@ def residual_free(mode: Damped, duration: float) -> UnitLaw:
 
 
 def _coefficients(mode: Damped, duration: float) -> Array:
-    """Returns the coefficients cₖ (TERMS,) of the added polynomial."""
+    """Returns the coefficients cₖ (TERMS,) of the polynomial that cancels the residual wave."""
     pole = complex(-mode.decay, mode.damped_frequency)
     # As seen at the motion's end: at most 1 in size, so that long motions do not overflow.
     wave = _WEIGHTS * np.exp(pole * duration * (1.0 - _U))
