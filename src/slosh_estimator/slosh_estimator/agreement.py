@@ -110,7 +110,7 @@ class MotionWatch:
         self._news: list[MotionAgreement] = []
 
     def watch(self, limit: float) -> None:
-        """Sets the height limit [m]; a share of it is the least difference that counts."""
+        """Sets the height limit [m]; a share of it is the least height difference that counts."""
         self._least = TUNING.agreement_share * limit if math.isfinite(limit) else 0.0
         self._presence.watch(limit)
 

@@ -26,7 +26,7 @@ class Condition(IntEnum):
 
 
 class Expected(NamedTuple):
-    """Measurement that the model predicts for a sensor at one time, in m.
+    """Heights [m] that a sensor should measure at one time, according to the models.
 
     Attributes:
         linear, nonlinear: heights as it reads them [m].

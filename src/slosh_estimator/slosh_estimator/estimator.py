@@ -384,7 +384,7 @@ class Estimator:
         return self._pose
 
     def _diverged(self, sample: Sample) -> int:
-        """Restarts the models from rest after leaving the physical range; returns their flags."""
+        """Restarts the models from rest after they diverged; returns the flag of a divergence."""
         self.divergences += 1
         self._restart(sample.stamp_ns)
         self._step(0.0, sample, True)

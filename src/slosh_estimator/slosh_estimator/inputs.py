@@ -234,7 +234,7 @@ class InputSettings(NamedTuple):
         return Expected(rotation, place, kind == IMU, arm), in_world
 
     def poses(self, kind: str) -> PoseSource | None:
-        """Returns the converter of a message type to poses; None for types it is not needed for.
+        """Returns the converter of a message type to poses; None if the type needs no converter.
 
         Raises:
             SloshEstimatorError: the robot's description does not fit.

@@ -87,7 +87,7 @@ class PoseFilter(NamedTuple):
         return _QUINTIC if count > 2 * FEWEST + 2 else _QUARTIC
 
     def side(self, interval: float) -> int:
-        """Returns the number of poses on each side of the centre, for an interval [s]."""
+        """Returns how many poses lie on each side of a window's centre, at a pose interval [s]."""
         # A pose stands for half an interval on both sides.
         return min(max(math.floor(self.reach / interval - 0.5), FEWEST), MOST)
 

@@ -48,7 +48,7 @@ class ReadingJoiner:
         self._readings: deque[Reading] = deque(maxlen=PATIENCE)
 
     def add_estimate(self, point: EstimatePoint, model_name: str) -> list[EstimatePoint]:
-        """Adds an estimate; returns estimates whose predicted measurement is there, in order."""
+        """Adds an estimate; returns estimates whose predicted measurement has come, in order."""
         awaits = has_readings(model_name)
         if not awaits and not self._waiting:
             return [point]

@@ -80,7 +80,7 @@ class Samples(NamedTuple):
         )
 
     def one(self, index: int) -> Sample:
-        """Returns the input sample with an index."""
+        """Returns the input sample at an index."""
         ax, ay, az = self.accelerations[index].tolist()
         return Sample(
             int(self.stamps[index]), ax, ay, az, float(self.yaws[index]),

@@ -280,7 +280,7 @@ def _pixels(
     radius: ArrayOrFloat,
     z: ArrayOrFloat,
 ) -> FloatArray:
-    """Returns image points of points by azimuth, radius and height, for N camera heights [px]."""
+    """Projects points (azimuth, radius, height) into the image for N camera heights [px]."""
     angle, level, across = np.broadcast_arrays(*map(np.atleast_1d, (azimuth, z, radius)))
     points = np.column_stack(
         (across * np.sin(angle), -across * np.cos(angle), np.asarray(level, dtype=np.float64))

@@ -208,7 +208,7 @@ def fall_above(picture, j, i):  # type: ignore[no-untyped-def]
 
 @compiled
 def has_stood(step, stationary, j, i):  # type: ignore[no-untyped-def]
-    """Whether the liquid at rest showed an edge at least as strong above this row."""
+    """Whether the liquid at rest showed an equally strong edge above a row of a scan line."""
     return abs(step) < stationary[0 if step > 0.0 else 1, j, i]
 
 

@@ -179,5 +179,5 @@ class SurfaceMemory:
 
 
 def _spread(firsts: Sequence[FloatArray]) -> float:
-    """Returns the greatest distance of first-mode amplitudes from the first of them [m]."""
+    """Returns the greatest distance of a series' amplitude pairs from its initial pair [m]."""
     return max(float(np.hypot(*(one - firsts[0]))) for one in firsts)

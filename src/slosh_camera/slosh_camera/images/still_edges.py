@@ -31,7 +31,7 @@ PLACES = 24
 
 
 class Edge(NamedTuple):
-    """An image edge of the container: its pixels (N, 2), and whether it is a lateral side."""
+    """A visible container edge: its pixels (N, 2), and whether it is the left or right side."""
 
     pixels: FloatArray
     is_side: bool

@@ -156,7 +156,7 @@ class RoundView(BoxView):
         return azimuths, heights
 
     def upright(self, heights: Array) -> Array:
-        """Converts heights (N,) [m] on an inclined wall to equivalent ones on a vertical wall.
+        """Converts heights (N,) [m] on an inclined wall to equivalent heights on a vertical wall.
 
         A plane meets a leaning wall where its height is the slope times the radius there.
         """

@@ -196,7 +196,7 @@ class SideViewDetector:
         return self._seams.is_torn(steps, (u, v))
 
     def _bow(self, line: TracedLine) -> FittedLine:
-        """Fits the curve of the contact line at rest, without second-order waves of like shape.
+        """Fits the curved contact line at rest without second-order waves, which look alike.
 
         Raises:
             SloshCameraError: its curvature shows a camera that is not level.

@@ -52,7 +52,7 @@ class RoundWall(NamedTuple):
 
 
 class _Reading(NamedTuple):
-    """Contact line interpreted as on one half of the wall: Fourier coefficients and misfit.
+    """Contact line taken to lie on one half of the wall: Fourier coefficients and misfit.
 
     They are those of heights as on an upright wall, see `RoundView.upright`.
     """

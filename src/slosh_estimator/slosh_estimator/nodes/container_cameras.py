@@ -31,7 +31,7 @@ class _Camera(NamedTuple):
 
 
 class ContainerCameras:
-    """Compares heights of the tray's second and later cameras with their containers' estimates.
+    """Compares heights from all cameras except the first with their containers' estimates.
 
     Args:
         node: the monitor.

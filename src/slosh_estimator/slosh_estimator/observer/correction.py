@@ -72,7 +72,7 @@ def _widened(covariance, variance):  # type: ignore[no-untyped-def]
 
 @compiled
 def _tested(covariance, rows, innovations, variances, shared, gate):  # type: ignore[no-untyped-def]
-    """Returns the innovation test of a measurement, divided by its acceptance limit."""
+    """Returns a measurement's normalised innovation as a multiple of the acceptance limit."""
     count = innovations.shape[0]
     wide = _widened(covariance, shared)
     total = _update(np.zeros(wide.shape[0]), wide, rows, innovations, variances)

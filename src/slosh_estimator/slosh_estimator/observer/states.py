@@ -47,7 +47,7 @@ class Outcome(Enum):
 
 
 class FusedState(NamedTuple):
-    """State of the liquid that fuses the model with the measurements.
+    """State of the liquid that the observer fuses from the model and the measurements.
 
     Attributes:
         stamp_ns: the moment [ns].

@@ -97,7 +97,7 @@ def turned_by(r, joint, angle):  # type: ignore[no-untyped-def]
 
 @compiled
 def _felt(r, force, point, felt):  # type: ignore[no-untyped-def]
-    """Stores the acceleration that moves the liquid in an upright container equally [m/s²]."""
+    """Stores the acceleration of an upright container whose liquid would move equally [m/s²]."""
     fx, fy, fz = force[0], force[1], force[2] + GRAVITY
     if point[TURNS] != 0.0:
         felt[0] = r[0] * fx + r[3] * fy + r[6] * fz

@@ -45,7 +45,7 @@ TWIST = 6
 
 @compiled_apart
 def _frames(chain, places, axes, origins):  # type: ignore[no-untyped-def]
-    """Writes joint axes and origins; returns the container's rotation and origin, root axes."""
+    """Writes joint axes and origins; returns the container's rotation and origin (root axes)."""
     r, at = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
     for number in range(chain.shape[0]):
         joint = chain[number]

@@ -192,7 +192,7 @@ class GovernorNode(PreparedNode):
         self._told.publish(governed_message(moved, frame, self._names))
 
     def _locate(self, core: Governor, now_ns: int) -> None:
-        """Passes measured joint positions to the governor, or that these are unknown."""
+        """Tells the governor the measured joint positions, or that recent ones are missing."""
         if self._robot is None or self._of_joints is not None:
             return
         self._lost = self._joints.silence(now_ns, TUNING.governor_unheard)
