@@ -273,7 +273,7 @@ class SampleGate:
         )
 
     def _time_was_set_back(self, stamp_ns: int) -> bool:
-        """Returns whether enough early stamps are in order to conclude that time was set back."""
+        """Returns whether enough increasing stamps before the last used one show a clock reset."""
         in_order = self._early_ns is not None and stamp_ns > self._early_ns
         self._early_count = self._early_count + 1 if in_order else 1
         self._early_ns = stamp_ns

@@ -71,7 +71,7 @@ class Wall:
         return WallPlace(*self._columns(height))
 
     def places(self, heights: Array) -> dict[str, Array]:
-        """Returns the positions that waves of heights (N,) reach on the wall, by field name."""
+        """Returns the fields of WallPlace, by name, as arrays (N,) for wave heights (N,) [m]."""
         return dict(zip(WallPlace._fields, self._columns(heights), strict=True))
 
     def _columns(self, height: Any) -> tuple[Any, ...]:

@@ -39,7 +39,7 @@ class Envelope(NamedTuple):
 
 
 class EnvelopeBounds:
-    """Upper bounds of the wave's envelope [m]: a 95 % bound, and a safer one for calmness.
+    """Upper bounds of the wave's envelope [m]: at 95 %, and with more margin to judge calmness.
 
     In motion, and at each measurement, a bound is a height and some of its deviations: those of
     the filter, or, where they are less, those of the worst model that calm allows for.

@@ -154,7 +154,7 @@ class ImuCheck(Check):
         return away * self._finder.stretch.seconds <= TOP_SPEED or away <= GRAVITY * FOLLOWED
 
     def _turn(self, number: int, rate: Vector, force: Vector) -> None:
-        """Integrates the vertical direction from angular velocity; the force corrects it.
+        """Integrates the vertical in container axes from the rate; specific force corrects it.
 
         So it is twice: from the first force on, and from upright on.
         """
