@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 class HeldFolder:
-    """A lock on a folder that ends with `release` or with the process, however that ends.
+    """A lock on a folder that ends with `release`, or when the process ends for any reason.
 
     Args:
         folder: that exists; where the file system knows no locks it is not marked.

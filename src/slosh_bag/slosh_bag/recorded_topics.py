@@ -1,4 +1,4 @@
-"""Selects the topics to record, with reasons for those left out.
+"""Selects the topics to record, with reasons why other topics are left out.
 
 By default these are the topics of one cell: those of the table `slosh_msgs_py.topics` in its
 namespace, what its nodes read and publish under whatever names, and the shared topics, such as
@@ -34,7 +34,7 @@ _INPUTS = {row.type for row in topics.TOPICS if row.role is TopicRole.INPUT} - {
 
 @dataclass(frozen=True, slots=True)
 class TopicSelection:
-    """The topics selected for recording, and reasons for those left out.
+    """The topics selected for recording, and the reasons why other topics are left out.
 
     Attributes:
         recorded: type by topic.

@@ -115,14 +115,14 @@ def interfaces() -> DoctorFinding:
 
 
 def workspace() -> DoctorFinding:
-    """Checks that the product's packages can be imported."""
+    """Checks that slosh's ROS packages can be imported."""
     for name in OWN_PACKAGES:
         importlib.import_module(name)
     return DoctorFinding("workspace", True, f"{len(OWN_PACKAGES)} packages import")
 
 
 def discovery() -> DoctorFinding:
-    """Checks which hosts can discover this machine's topics."""
+    """Checks by the DDS settings which hosts can discover this machine's topics."""
     network = importlib.import_module("slosh_msgs_py.node.network")
     who = "this machine only"
     if not network.is_local(os.environ):

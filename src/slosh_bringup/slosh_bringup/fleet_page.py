@@ -57,7 +57,7 @@ CHARTS: Final = (
 
 
 class Drift(NamedTuple):
-    """Median and change of the identified frequency, damping and level of a container in a cell.
+    """Median and change of natural frequency, damping and still level of a container in a cell.
 
     None in a number: unknown.
     """
@@ -80,7 +80,7 @@ class Drift(NamedTuple):
 
 
 class Trend(NamedTuple):
-    """A chart of daily medians; `drawing` is empty if there are no values."""
+    """A chart of a quantity's daily medians; `drawing` is empty if there are no values."""
 
     name: str
     label: str
@@ -118,7 +118,7 @@ def render_fleet(store: FleetStore) -> str:
 
 
 def _most_changed(drifts: Sequence[Drift], number: int) -> list[Drift]:
-    """Returns the containers whose value in a chart has changed most, in the given order."""
+    """Returns the containers whose value in a chart has changed most, in the order of `drifts`."""
     changes = [(one.frequency_change, one.damping_change, one.level_change) for one in drifts]
     known = [(abs(own[number] or 0.0), -row) for row, own in enumerate(changes)
              if own[number] is not None]  # fmt: skip

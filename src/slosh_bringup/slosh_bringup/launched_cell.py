@@ -145,7 +145,7 @@ class LaunchedCell:
         self._first = {process.name: process for process in processes}
 
     def ended(self, name: str, code: int, now: float) -> Restart | None:
-        """Decides whether to restart a node that has ended during the launch.
+        """Decides whether to restart a node that has ended while the launch is running.
 
         Args:
             name: of the node.

@@ -15,7 +15,7 @@ LARGEST_FILE = 200_000_000
 
 
 def read_model_error(paths: Sequence[Path], model: str) -> ModelError:
-    """Returns the largest MAE and ε of a model over several result files.
+    """Returns a model's largest MAE and largest relative peak error ε in several result files.
 
     Args:
         paths: NAME.json of `slosh replay -o`, or result.json of `slosh demo` or `slosh cell`.

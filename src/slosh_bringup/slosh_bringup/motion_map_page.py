@@ -35,7 +35,7 @@ def render_map(model: Model, found: MotionMap, name: str) -> str:
 
 
 def _waves(model: Model, found: MotionMap) -> Markup:
-    """Draws peak and dwell height over machine speed, and a standard law for comparison."""
+    """Draws peak and dwell liquid height over machine speed, and the peak of a standard law."""
     speeds = [row.speed for row in found.rows]
     known = [heights(model, found.stroke, NamedLaw(COMPARED), speed).peak for speed in speeds]
     top = 1.6 * 1e3 * found.limits.height

@@ -14,7 +14,7 @@ NAN = float("nan")
 
 
 class Flag(IntFlag):
-    """Flags that limit the validity of a measurement, as in slosh_msgs/FreeSurface."""
+    """Bits that limit the validity of a measurement, as in slosh_msgs/FreeSurface."""
 
     NONE = 0
     SATURATED = 1

@@ -69,7 +69,7 @@ class MotionAgreement(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Describes in one line how to resolve a disagreement; the azimuth comes first."""
+        """Describes in one line how to resolve a disagreement; a wrong azimuth comes first."""
         if self.offset is not None and self.is_turned:
             return self.offset.sentence
         return (
@@ -110,13 +110,13 @@ class MotionWatch:
         self._news: list[MotionAgreement] = []
 
     def watch(self, limit: float) -> None:
-        """Sets the difference of heights [m] above which the next motions count as disagreeing."""
+        """Sets the height limit [m]; a share of it is the least height difference that counts."""
         self._least = TUNING.agreement_share * limit if math.isfinite(limit) else 0.0
         self._presence.watch(limit)
 
     @property
     def warning(self) -> str:
-        """Describes the current disagreement in one line; empty if none is known.
+        """Describes the current disagreement in one line; empty if there is none.
 
         It stands from the judgement that found it until a motion agrees.
         """
@@ -152,7 +152,7 @@ class MotionWatch:
         self._look(stamp_ns)
 
     def add_accelerations(self, stamps: NDArray[np.int64], accelerations: Array) -> None:
-        """Adds accelerations (N, 3) [m/s²] with stamps (N,) [ns]; equals N single calls."""
+        """Adds accelerations (N, 3) [m/s²] with stamps (N,) [ns], as if one by one."""
         if len(stamps) <= FEW:
             for stamp, row in zip(stamps.tolist(), accelerations.tolist(), strict=True):
                 self.add_acceleration(stamp, tuple(row))
@@ -201,7 +201,7 @@ class MotionWatch:
                 self._standing = found
 
     def _look(self, stamp_ns: int) -> None:
-        """Judges the earliest motion that is not judged yet, if it has ended or lasts too long."""
+        """Judges the earliest motion not judged yet, if it has ended or lasts too long."""
         if not self._moving.spans:
             return
         motion = self._moving.spans[0]

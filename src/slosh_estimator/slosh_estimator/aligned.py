@@ -46,7 +46,7 @@ class AlignedStreams(Generic[Key]):
         return any(stream.moved for stream in self._streams.values())
 
     def silent(self) -> tuple[Key, float] | None:
-        """Returns the stream with the largest delay and the delay [s], or None if none is late."""
+        """Returns the stream that is furthest behind and its delay [s]; None if none is late."""
         if not self._streams:
             return None
         key, stream = min(self._streams.items(), key=lambda item: item[1].newest_ns)
@@ -60,7 +60,7 @@ class AlignedStreams(Generic[Key]):
         self._leader = None
 
     def add(self, key: Key, stamp_ns: int, values: Values) -> None:
-        """Adds a stream's values with their stamp [ns]; a jump of time clears all streams."""
+        """Adds a stream's values with their stamp [ns]; clears all streams if time jumps."""
         stream = self._streams.get(key)
         if stream is None:
             stream = self._streams[key] = _Stream(values)
@@ -70,7 +70,7 @@ class AlignedStreams(Generic[Key]):
         stream.take(stamp_ns, values)
 
     def rows(self) -> list[tuple[int, dict[Key, Values]]]:
-        """Returns the stamps [ns] at which all streams have values, with these values."""
+        """Returns stamps [ns] at which all streams have values, and those values by stream."""
         if not self._is_complete():
             return []
         leader = self._choose()
@@ -119,7 +119,7 @@ class _Stream:
         self._kept: deque[tuple[int, Values]] = deque(maxlen=TUNING.kept_states)
 
     def take(self, stamp_ns: int, values: Values) -> None:
-        """Adds values with their stamp [ns]; ignores values that are not newer."""
+        """Adds values with their stamp [ns]; ignores values not newer than those stored."""
         if stamp_ns <= self.newest_ns:
             return
         if self._kept:

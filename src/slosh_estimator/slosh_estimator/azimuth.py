@@ -63,7 +63,7 @@ class WaveOffset(NamedTuple):
 
 
 class Surfaces(NamedTuple):
-    """The fields of FreeSurface that contain a wave's direction: arrays (N,) or single numbers."""
+    """Fields of FreeSurface.msg on the wave's direction: arrays (N,) or single numbers."""
 
     msh: Array
     azimuth: Array
@@ -77,12 +77,12 @@ class Surfaces(NamedTuple):
 
     @property
     def levels(self) -> Array:
-        """Mean wave height at the left and the right edge of the camera image (N,) [m]."""
+        """Mean of the wave heights at the left and right edge of the camera image (N,) [m]."""
         return 0.5 * (np.asarray(self.sh_left) + np.asarray(self.sh_right))
 
 
 def measured_waves(surfaces: Surfaces) -> tuple[Waves, Array]:
-    """Returns the waves that a camera has measured as complex vectors.
+    """Returns the waves that a camera measured as complex numbers: height and azimuth.
 
     The fitted surface tells the direction, since the camera sees part of the wall only; without a
     fit the highest point that is seen does, unless part of the line is hidden. A side view tells
@@ -174,7 +174,7 @@ def _turn(seconds: Array, measured: Waves, expected: Waves) -> WaveOffset | None
 
 
 def _products(seconds: Array, measured: Waves, expected: Waves, lag: float) -> tuple[Waves, float]:
-    """Returns the product of two waves per time block for a relative delay, and their energy."""
+    """Returns products of measured and delayed modelled wave per time block, and their energy."""
     moments = seconds - lag
     after = np.clip(np.searchsorted(seconds, moments), 1, len(seconds) - 1)
     inside = (moments >= seconds[0]) & (moments <= seconds[-1])

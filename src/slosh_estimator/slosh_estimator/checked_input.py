@@ -40,11 +40,11 @@ class CheckedInput:
         return None
 
     def checked_memory(self, stamp_ns: int) -> list[float]:
-        """Returns the plausibility check's state after the sample with this stamp [ns]."""
+        """Returns the plausibility check's state at a sample's stamp [ns] as numbers."""
         return self.check.memory(stamp_ns) if self._remembers else []
 
     def take_up_check(self, stamp_ns: int, memory: Sequence[float]) -> Sequence[float]:
-        """Restores the plausibility check from the end of saved numbers; returns the rest."""
+        """Restores the plausibility check from saved numbers; returns the numbers left."""
         count = self.check.MEMORY
         if not self._remembers or len(memory) < count:
             return memory

@@ -26,7 +26,7 @@ class Condition(IntEnum):
 
 
 class Expected(NamedTuple):
-    """The measurement that a sensor should make at a time, according to the model.
+    """Heights [m] that a sensor should measure at one time, according to the models.
 
     Attributes:
         linear, nonlinear: heights as it reads them [m].
@@ -40,7 +40,7 @@ class Expected(NamedTuple):
     wave: complex = complex(math.nan, math.nan)
 
     def towards(self, other: Expected, share: float) -> Expected:
-        """Interpolates linearly between this and another prediction; `share` is in [0, 1]."""
+        """Interpolates linearly to another predicted measurement; `share` is in [0, 1]."""
         return Expected(
             self.linear + share * (other.linear - self.linear),
             self.nonlinear + share * (other.nonlinear - self.nonlinear),
@@ -106,7 +106,7 @@ class MeasuredPoint(NamedTuple):
 
 
 class Waiting(NamedTuple):
-    """A measurement, with its arrival time [ns], that waits for the estimate of its stamp."""
+    """A measurement that waits for the estimate of its stamp, with its arrival time [ns]."""
 
     point: MeasuredPoint
     arrival_ns: int

@@ -13,7 +13,7 @@ from slosh_model.tray import Tray
 
 
 class ContainerMonitor:
-    """Monitor of a tray's container, other than the first, with a camera of its own.
+    """Monitor of a tray's second or later container, which has its own camera.
 
     Limits of the estimated height are those of `TrayWatch`, which reports them for all containers;
     here they only count for the state of the comparisons.
@@ -43,7 +43,7 @@ class ContainerMonitor:
         self.core = Monitor(own_settings(tray, self.index, settings), number)
 
     def change_settings(self, settings: MonitorSettings, stamp_ns: int) -> None:
-        """Changes the limits for heights after a stamp [ns]."""
+        """Changes the height limits for data after a stamp [ns]."""
         self._settings = settings
         self.core.change_settings(own_settings(self.tray, self.index, settings), stamp_ns)
 
@@ -55,7 +55,7 @@ class ContainerMonitor:
             self.core.motions.reset()  # what disagreed was another container
 
     def take_events(self) -> list[Event]:
-        """Returns the limit events of measured heights and disagreements since the last call."""
+        """Returns limit events of measured heights, and disagreements, since the last call."""
         return [
             replace(event, description=f"container {self.name}: {event.description}")
             for event in self.core.take_events()
@@ -64,7 +64,7 @@ class ContainerMonitor:
 
 
 def camera_place(tray: Tray, name: str) -> int:
-    """Returns a container's index on the tray if it may have a camera of its own (1 or more).
+    """Returns a container's index on the tray (1 or more) if it may have its own camera.
 
     Raises:
         SloshEstimatorError: the tray has no such container, or it is the first.

@@ -77,7 +77,7 @@ MOVING_CHECKS = CHECKS.fields["slow"][1] // np.dtype(np.float64).itemsize  # typ
 
 
 def new_checks() -> NDArray[np.float64]:
-    """Returns a zeroed array for the limits and limit checks of a model, as listed in CHECKS."""
+    """Returns a zeroed array for a model's validity limits and last values, as in CHECKS."""
     return np.zeros(1, dtype=CHECKS).view(np.float64)
 
 
@@ -117,7 +117,7 @@ def _heights(store, dt, acceleration, yaw, pose, checks, row, which):  # type: i
 
 @compiled
 def _validity(checks, dt, acceleration, height, first):  # type: ignore[no-untyped-def]
-    """Returns the jerk [m/s³] and the validity flags of the motion (DL22, §4.2)."""
+    """Returns the motion's jerk [m/s³] and the model's validity flags for it (DL22, §4.2)."""
     ax, ay, az = acceleration
     slow = checks["slow"]
     if first:

@@ -112,7 +112,7 @@ class Estimates(NamedTuple):
 
     @property
     def as_read(self) -> Array:
-        """Heights (N, 2) [m] of linear and nonlinear model as a sensor would measure them."""
+        """Heights (N, 2) [m] that a sensor would measure by linear and nonlinear model."""
         return self.heights[:, :, 0] if self.readings is None else self.readings
 
 
@@ -204,7 +204,7 @@ class Estimator:
         self._at_rest = at_rest
 
     def reading_delay(self, stamp_ns: int) -> float:
-        """Returns the delay [s] that the model predicts for a measurement at a stamp.
+        """Returns the sensor delay [s] that the model predicts for a measurement's stamp [ns].
 
         A clock that drifts does so from the first sample on, and anew after a reset.
         """
@@ -212,7 +212,7 @@ class Estimator:
         return self._reading_clock.delay(since / 1e9)
 
     def reading_delays(self, stamps: Integers) -> Array:
-        """Returns the modelled delays (N,) [s] of stamps (N,) [ns]."""
+        """Returns the sensor delays (N,) [s] that the model predicts for stamps (N,) [ns]."""
         first = stamps if self._first_ns is None else self._first_ns
         return self._reading_clock.delay(np.maximum(stamps - first, 0) / 1e9)
 
@@ -226,7 +226,7 @@ class Estimator:
         )  # fmt: skip
 
     def take_up(self, state: EstimatorState) -> None:
-        """Restores the state that `state` of another estimator with the same model returned.
+        """Restores a complete state that `state` of an estimator with the same model returned.
 
         Raises:
             SloshEstimatorError: the state is one of another model or version; nothing changes.
@@ -256,7 +256,7 @@ class Estimator:
         return math.hypot(last.ax, last.ay) * reach / GRAVITY < TUNING.still
 
     def _is_still(self) -> bool:
-        """Returns whether the liquid is known to be practically at its rest position."""
+        """Returns whether the liquid is known to be practically at rest."""
         last = self._last
         if last is None:
             return self._at_rest
@@ -319,7 +319,7 @@ class Estimator:
         )  # fmt: skip
 
     def _take(self, sample: Sample) -> int:
-        """Computes a sample, stores the results in the output row, returns the validity flags."""
+        """Advances the models by a sample, stores their results, returns the validity flags."""
         flags = 0
         last = self._last
         if sample.restarted and last is not None:
@@ -384,7 +384,7 @@ class Estimator:
         return self._pose
 
     def _diverged(self, sample: Sample) -> int:
-        """Restarts from rest after the model left its physical range; returns the flag set."""
+        """Restarts the models from rest after they diverged; returns the flag of a divergence."""
         self.divergences += 1
         self._restart(sample.stamp_ns)
         self._step(0.0, sample, True)
@@ -412,7 +412,7 @@ class Estimator:
 
 
 def _distance(modes: NDArray[np.void], others: NDArray[np.void]) -> float:
-    """Returns the greatest wave height [m] that the difference of two modal states may cause."""
+    """Returns the greatest wave height [m] by which two modal states of the liquid may differ."""
     places = np.hypot(modes["x"] - others["x"], modes["y"] - others["y"])
     speeds = np.hypot(modes["vx"] - others["vx"], modes["vy"] - others["vy"])
     slower = modes["natural_frequency"] * np.minimum(modes["frequency_ratio"], 1.0)
@@ -421,7 +421,7 @@ def _distance(modes: NDArray[np.void], others: NDArray[np.void]) -> float:
 
 
 class _Batch(NamedTuple):
-    """Arrays for the results of `Estimator.update_many`."""
+    """Arrays for the N results that `Estimator.update_many` computes."""
 
     rows: Array
     flags: Integers

@@ -1,4 +1,4 @@
-"""Derives the mounting of a sensor from fixed transforms (/tf_static)."""
+"""Derives a sensor's mounting on the container from fixed transforms (/tf_static)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class FixedFrames:
         self._parents: dict[str, Transform] = {}
 
     def take(self, transforms: Iterable[Transform]) -> None:
-        """Adds fixed transforms to the known frames."""
+        """Adds fixed transforms to those already stored."""
         for one in transforms:
             self._parents[one.child.lstrip("/")] = one
 
@@ -48,7 +48,7 @@ class FixedFrames:
         return position, (x, y, z, w)
 
     def mounting(self, container: str, sensor: str) -> SensorTransform | None:
-        """Returns how the sensor is mounted on the container, or None if this is unknown."""
+        """Returns the sensor's pose on the container; None if no transforms connect the two."""
         found = self.pose(container, sensor)
         if found is None:
             return None
@@ -56,7 +56,7 @@ class FixedFrames:
         return SensorTransform(*_rpy(turn), (-x, -y, -z))
 
     def _to_root(self, frame: str) -> tuple[str, Pose]:
-        """Returns the root frame of a frame's tree, and the frame's pose in it."""
+        """Returns the root frame of a frame's tree, and the frame's pose in the root frame."""
         pose, seen = _HERE, {frame}
         while frame in self._parents:
             link = self._parents[frame]

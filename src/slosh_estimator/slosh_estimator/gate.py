@@ -42,7 +42,7 @@ DROPPED = tuple(
 
 @dataclass(frozen=True, slots=True)
 class GateSettings:
-    """Limits by which input samples are accepted or dropped.
+    """Limits on gap, age and jump by which input samples are accepted or dropped.
 
     Attributes:
         max_gap: longest time between two samples that is integrated across [s]. A later one is
@@ -77,7 +77,7 @@ class GateSettings:
 
 
 def fault_of(values: Vector, largest: float) -> SampleVerdict | None:
-    """Returns the fault of a vector, or None if it is valid.
+    """Returns what is wrong with an input vector, e.g. NaN; None if it is valid.
 
     Args:
         values: its components.
@@ -165,11 +165,11 @@ class SampleGate:
 
     @property
     def last(self) -> Vector:
-        """Acceleration of the last accepted sample that had one [m/s²]."""
+        """Last accepted acceleration [m/s²]; samples without acceleration do not change it."""
         return self._last
 
     def go_on(self, stamp_ns: int, acceleration: Vector | None) -> None:
-        """Continues after another gate's last accepted sample: stamp [ns] and acceleration."""
+        """Continues from a replaced gate's last accepted sample: stamp [ns], acceleration."""
         self._last_ns, self._early_ns, self._apart_ns = stamp_ns, None, None
         self._early_count = self._aside_count = 0
         if acceleration is not None:
@@ -248,7 +248,7 @@ class SampleGate:
         return SampleVerdict.RESTART if follows or not self._confirms else SampleVerdict.APART
 
     def _jumped(self, acceleration: Vector) -> SampleVerdict:
-        """Holds back samples after a jump until enough consecutive samples agree."""
+        """Holds back samples after a jump of the acceleration until enough samples agree."""
         agrees = self._aside_count > 0 and self._near(acceleration, self._aside)
         self._aside_count = self._aside_count + 1 if agrees else 1
         self._aside = acceleration
@@ -273,7 +273,7 @@ class SampleGate:
         )
 
     def _time_was_set_back(self, stamp_ns: int) -> bool:
-        """Returns whether enough early stamps are in order to conclude that time was set back."""
+        """Returns whether enough increasing stamps before the last used one show a clock reset."""
         in_order = self._early_ns is not None and stamp_ns > self._early_ns
         self._early_count = self._early_count + 1 if in_order else 1
         self._early_ns = stamp_ns

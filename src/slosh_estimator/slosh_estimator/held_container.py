@@ -114,7 +114,7 @@ class HeldContainer:
 
     @property
     def described(self) -> str:
-        """Describes the container and its limit in one line for users."""
+        """Describes the held container and its height limit in one line for users."""
         if self.empty:
             return "no container"
         name = f"container {self.name}, " if self.name else ""
@@ -123,7 +123,7 @@ class HeldContainer:
 
 
 def tray_holding(tray: Tray, index: int, held: HeldContainer, limit: float = math.nan) -> Tray:
-    """Returns a copy of the tray in which one place has another container, or is empty.
+    """Returns a copy of the tray with another container, or none, in one place.
 
     Args:
         tray: before.
@@ -140,7 +140,7 @@ def tray_holding(tray: Tray, index: int, held: HeldContainer, limit: float = mat
 
 
 def changed_place(parameters: Mapping[str, Any]) -> str:
-    """Returns the tray place whose container recorded settings changed; empty for all places."""
+    """Returns the tray place that recorded settings say was changed; empty for all places."""
     return str(parameters.get(TRAY_PLACE) or "")
 
 

@@ -98,13 +98,13 @@ class ImuInput(CheckedInput):
 
     @property
     def memory(self) -> list[float]:
-        """Returns the input reader's state as numbers for `take_up`, without the last stamp."""
+        """Returns the input reader's state as numbers, except the last stamp; see `take_up`."""
         mean = math.nan if self._mean_force is None else self._mean_force
         own = [*self.gate.last, *self._slow_rate, self._last_yaw_rate, self._yaw, mean]
         return [*own, *self.sampling.memory, *self.checked_memory(self._stamp_ns)]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores the state that `memory` of another reader of this input type returned.
+        """Restores the reader's state from the numbers that `memory` returned.
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input.

@@ -180,7 +180,7 @@ class InputSettings(NamedTuple):
     def _placed(
         self, frame: str, fixed: FixedFrames, mount: SensorTransform | None, *, moving: bool
     ) -> dict[str, Any] | None:
-        """Returns the mounting of an acceleration sensor by transforms; see `mounted`.
+        """Returns the mounting of an acceleration sensor from transforms; see `mounted`.
 
         A frame that stands still in the world gives its axes alone. In any other one a sensor is
         mounted, and what lies between it and the container accelerates, too, where it turns.
@@ -217,7 +217,7 @@ class InputSettings(NamedTuple):
         return self._replace(transform=transform, frames=frames, apart=apart, placed=placed)
 
     def expected(self, kind: str, frame: str) -> tuple[Expected, bool]:
-        """Returns the configured mounting of a sensor, and whether its axes are the world's.
+        """Returns a sensor's configured mounting, and whether its axes are those of the world.
 
         Args:
             kind: IMU or ACCEL.
@@ -234,7 +234,7 @@ class InputSettings(NamedTuple):
         return Expected(rotation, place, kind == IMU, arm), in_world
 
     def poses(self, kind: str) -> PoseSource | None:
-        """Returns the converter from messages of this type to poses, or None if none is needed.
+        """Returns the converter of a message type to poses; None if the type needs no converter.
 
         Raises:
             SloshEstimatorError: the robot's description does not fit.
@@ -282,7 +282,7 @@ class InputSettings(NamedTuple):
 
 
 def _base(told: Sequence[Any] | None) -> Base | None:
-    """Returns the base of a robot from a node's settings: name, position and quaternion."""
+    """Returns the pose of a robot's base from a node's settings; None if not set."""
     if told is None:
         return None
     frame, px, py, pz, x, y, z, w = told

@@ -50,7 +50,7 @@ class JointPoses:
         positions: Sequence[float],
         velocities: Sequence[float] = (),
     ) -> list[TimedPose]:
-        """Returns the poses that a joint state completes, in order of time; usually one.
+        """Adds a joint state; returns the poses that are complete now, in order of time.
 
         Args:
             stamp_ns: the moment [ns].
@@ -100,7 +100,7 @@ class JointPoses:
 
     @property
     def groups(self) -> int:
-        """Number of publishers of joint states, distinguished by their sets of joint names."""
+        """Number of joint state publishers, told apart by the joint names they send."""
         return len(self._layouts)
 
     def facts(self) -> dict[str, str]:
@@ -115,7 +115,7 @@ class JointPoses:
         return len(self._owners) == len(self._robot.carrying) and known <= self._streams.keys
 
     def _layout(self, names: tuple[str, ...]) -> _Layout:
-        """Selects a message's joints that carry the container and have no other publisher."""
+        """Selects the joints in a message that carry the container and have no other publisher."""
         self._seen.update(dict.fromkeys(names))
         joints = tuple(name for name in self._robot.carrying if name in names)
         taken = [j for j in joints if self._owners.get(j, joints) != joints]

@@ -52,7 +52,7 @@ class KeptPoses:
         self._resize(self._size + 1)
 
     def forget(self, count: int) -> int:
-        """Removes the `count` oldest poses; returns the number of removed poses."""
+        """Removes the `count` oldest poses; returns how many were removed."""
         if count <= 0:
             return 0
         rest = self._size - count

@@ -16,7 +16,7 @@ _UNCLEAR = UNUSABLE | SATURATED | AMBIGUOUS
 
 
 class _Level(NamedTuple):
-    """A level that the camera measured [m], with its stamp [ns] and standard deviation [m]."""
+    """A still level that the camera measured [m], its stamp [ns], its standard deviation [m]."""
 
     stamp_ns: int
     height: float

@@ -59,7 +59,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Hysteresis:
-    """How far and how long a value must be below its limit before a violation ends.
+    """Share of the limit that a value must fall below, and for how long, to end a violation.
 
     Attributes:
         release: share of the limit below which the value must fall.
@@ -153,7 +153,7 @@ class LimitTracker:
 
     @property
     def at_rim(self) -> bool:
-        """Whether the limit is at the container's rim or a distance below the rim."""
+        """Whether the limit is the container's rim or a set distance below the rim."""
         return self._name != LIMIT
 
     @property
@@ -162,13 +162,13 @@ class LimitTracker:
         return f"{self._name} {1e3 * self.limit:.1f} mm"
 
     def ignores(self, values: Iterable[float]) -> bool:
-        """Returns whether the next values [m] would change nothing."""
+        """Returns whether the next values [m] would neither start nor affect a violation."""
         return not self.active and not any(value > self.limit for value in values)
 
     def can_matter(
         self, stamps: NDArray[np.int64], values: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """Returns which values can start, prolong or end a violation of the limit.
+        """Returns a mask of values that can start, prolong or end a violation of the limit.
 
         Args:
             stamps: (N,) increasing [ns].
@@ -229,5 +229,5 @@ class LimitTracker:
 
 
 def _watched(limit: float) -> float:
-    """Returns the limit [m], or infinity if the quantity is not monitored."""
+    """Returns a quantity's limit [m], or infinity if the quantity is not monitored."""
     return limit if math.isfinite(limit) else math.inf

@@ -194,7 +194,7 @@ class Monitor:
         return found
 
     def add_estimates(self, points: Sequence[EstimatePoint]) -> list[Comparison]:
-        """Adds estimates with increasing stamps; equals single calls, but is faster."""
+        """Adds estimates with increasing stamps, as if one by one, but faster."""
         found: list[Comparison] = []
         for index, point in enumerate(points):
             if self._is_quiet(points, index):
@@ -211,7 +211,7 @@ class Monitor:
         return found
 
     def add_measurement(self, point: MeasuredPoint, arrival_ns: int) -> list[Comparison]:
-        """Adds a measured height; returns its comparison with the estimate, if both are known.
+        """Adds a measured height; returns the comparisons with estimates that are now ready.
 
         Without a camera, by the settings, it is not looked at.
         """
@@ -231,7 +231,7 @@ class Monitor:
         return list(self._ready(arrival_ns))
 
     def check(self, now_ns: int) -> list[Comparison]:
-        """Checks timeouts; returns one-sided comparisons if camera or estimator is silent.
+        """Checks timeouts; returns one-sided comparisons while camera or estimator is silent.
 
         Returns:
             where a side is silent, or no measurement has met an estimate since the last look:
@@ -266,7 +266,7 @@ class Monitor:
         return comparisons
 
     def finish(self) -> list[Comparison]:
-        """Returns one-sided comparisons for the measured heights that never got an estimate."""
+        """Returns comparisons without estimate for measured heights that still wait for one."""
         found = []
         while self._waiting and self._stale(self._estimated_at, self._waiting[-1].arrival_ns):
             found.append(self._without_estimate(self._waiting[-1].arrival_ns))
@@ -302,7 +302,7 @@ class Monitor:
         return clocks_apart(self._measured_stamp, self._estimates[-1].stamp_ns) or blindness
 
     def condition(self, now_ns: int) -> Condition:
-        """Returns the monitor's state: limit violation, timeout, nothing compared, or warning."""
+        """Returns the monitor's state, such as limit violation, timeout or nothing compared."""
         tray = self.tray
         if any(tracker.active for tracker in self._trackers.values()) or (tray and tray.active):
             return Condition.ERROR
@@ -346,14 +346,14 @@ class Monitor:
         return any(self.silent_sides(now_ns)) or bool(self.blindness(now_ns))
 
     def _alone(self, now_ns: int) -> Comparison:
-        """Returns a comparison message that holds only the newest estimate, without a camera."""
+        """Returns a comparison with the newest estimate only, for use without a camera."""
         newest = self._estimates[-1]
         self._sight.look(now_ns, estimate_obstacle(newest.nonlinear, newest.flags))
         missing = MeasuredPoint(newest.stamp_ns, NAN)
         return self._compare(missing, newest.expected, now_ns, image=False)
 
     def _unmeasured(self, estimate: EstimatePoint | None, now_ns: int) -> Comparison:
-        """Returns a comparison message that holds only an estimate, since nothing was measured."""
+        """Returns a comparison with an estimate only, since no height was measured for it."""
         newest = self._estimates[-1].stamp_ns if self._estimates else 0
         stamp_ns = estimate.stamp_ns if estimate else max(self._measured_stamp, newest)
         return self._compare(
@@ -375,7 +375,7 @@ class Monitor:
         return max(newest, default=0)
 
     def _is_quiet(self, points: Sequence[EstimatePoint], first: int) -> bool:
-        """Returns whether the remaining estimates cause neither a comparison nor an event."""
+        """Returns whether the estimates still to add cause neither a comparison nor an event."""
         if self._waiting or self._changes[Source.ESTIMATED] or not self._estimates:
             return False
         if self.tray is not None:
@@ -401,7 +401,7 @@ class Monitor:
         return estimated if clocks_apart(measured, estimated) else max(measured, estimated)
 
     def _change_limit(self, source: Source, stamp_ns: int) -> None:
-        """Applies those changes of limits that are valid at a stamp [ns]."""
+        """Applies the changes of limits that are due at a stamp [ns]."""
         changes = self._changes[source]
         while changes and changes[0].stamp_ns < stamp_ns:
             event = self._trackers[source].change(*changes.popleft())
@@ -418,7 +418,7 @@ class Monitor:
             self._events.append(event)
 
     def next_excess(self) -> int:
-        """Counts up and returns the number of the next limit violation."""
+        """Returns the number of the next limit violation, counting from 1."""
         self._excesses += 1
         return self._excesses
 
@@ -428,7 +428,7 @@ class Monitor:
         self._close_one(source, stamp_ns, reason)
 
     def _close_one(self, source: Source, stamp_ns: int, reason: str) -> None:
-        """Ends a limit violation of the first container; others on a tray continue."""
+        """Ends a limit violation of the tray's first container, not of other containers."""
         event = self._trackers[source].close(stamp_ns, reason)
         if event is not None:
             self._events.append(event)
@@ -466,7 +466,7 @@ class Monitor:
             yield self._compare(point, estimate, now_ns)
 
     def _without_estimate(self, now_ns: int) -> Comparison:
-        """Returns a comparison message that holds only the oldest measurement without estimate."""
+        """Returns a comparison with the oldest measured height only, which has no estimate."""
         point = self._waiting.popleft().point
         return self._compare(point, None, now_ns, estimate_stale=True)
 

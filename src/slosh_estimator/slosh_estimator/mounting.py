@@ -26,7 +26,7 @@ class Base(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class SensorTransform:
-    """Position and orientation of a sensor, or of a frame with known pose, on the container.
+    """Position [m] and orientation of a sensor, or another frame, on the container.
 
     Attributes:
         roll, pitch, yaw: rotation container ← sensor, fixed axes [rad].
@@ -98,7 +98,7 @@ class ToolPose:
 def composed(
     outer: tuple[Vector, Quaternion], inner: tuple[Vector, Quaternion]
 ) -> tuple[Vector, Quaternion]:
-    """Composes two poses; `inner` is given in the frame at `outer`.
+    """Composes two poses; `inner` is relative to the frame whose pose is `outer`.
 
     Args:
         outer, inner: position [m] and quaternion x, y, z, w, of any length but zero.

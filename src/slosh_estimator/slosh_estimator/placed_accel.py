@@ -75,7 +75,7 @@ class PlacedAccel:
     def take_transforms(
         self, transforms: Iterable[Transform], *, fixed: bool = False
     ) -> list[PlacedAcceleration]:
-        """Returns the converted accelerations that the transforms of a message complete, in order.
+        """Adds transforms; returns the accelerations that can be converted now, in order.
 
         Args:
             transforms: of the message.
@@ -93,7 +93,7 @@ class PlacedAccel:
         return self._completed()
 
     def take(self, stamp_ns: int, vector: Vector) -> list[PlacedAcceleration]:
-        """Adds an acceleration; returns those whose transforms are now complete.
+        """Adds an acceleration; returns those that can be converted now, in order.
 
         Args:
             stamp_ns: the moment [ns].
@@ -154,7 +154,7 @@ class PlacedAccel:
 
 
 def _around(arms: deque[Sample], stamp_ns: int) -> tuple[Sample, Sample] | None:
-    """Returns the transforms' samples just before and after a stamp; drops earlier ones."""
+    """Returns the two transform samples around a stamp [ns]; drops earlier samples."""
     while len(arms) > 1 and arms[1].stamp_ns <= stamp_ns:
         arms.popleft()
     before = arms[0]

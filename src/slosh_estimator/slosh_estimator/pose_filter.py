@@ -50,7 +50,7 @@ class PoseFilter(NamedTuple):
 
     @classmethod
     def of(cls, modes: Modes, window: float, order: int = 2) -> PoseFilter:
-        """Creates the filter that passes given sloshing modes.
+        """Creates the filter that passes the frequencies of given sloshing modes.
 
         Args:
             modes: to be carried; none: of a small cup.
@@ -63,7 +63,7 @@ class PoseFilter(NamedTuple):
 
     @classmethod
     def smoothing(cls, modes: Modes, delay: float, order: int = 2) -> PoseFilter:
-        """Creates a filter of given delay with the lowest degree that passes the modes.
+        """Creates a filter with a given delay [s] and the lowest degree that passes the modes.
 
         A higher degree carries them over a longer window, which averages more noise.
 
@@ -79,7 +79,7 @@ class PoseFilter(NamedTuple):
         return plain._replace(most=(CUBIC if order == 2 else LINEAR) + 2 * higher)
 
     def terms(self, count: int) -> int:
-        """Returns how many polynomial terms to fit to a number of values."""
+        """Returns how many polynomial terms to fit to a given number of poses."""
         if self.most and count > self.most + 1:
             return self.most
         if self.order == 1:
@@ -87,17 +87,17 @@ class PoseFilter(NamedTuple):
         return _QUINTIC if count > 2 * FEWEST + 2 else _QUARTIC
 
     def side(self, interval: float) -> int:
-        """Returns the number of poses on each side of the centre, for an interval [s]."""
+        """Returns how many poses lie on each side of a window's centre, at a pose interval [s]."""
         # A pose stands for half an interval on both sides.
         return min(max(math.floor(self.reach / interval - 0.5), FEWEST), MOST)
 
     def parts(self, spacing: float) -> int:
-        """Returns how many samples to output for each interval between poses [s]."""
+        """Returns how many samples to compute per interval of `spacing` seconds between poses."""
         needed = min(math.ceil(self.fastest * spacing / TUNING.phase_step), _MOST_PARTS)
         return needed + 1 - needed % 2
 
     def gain(self, frequency: float, interval: float) -> float:
-        """Returns the filter's gain for a wave, including linear interpolation afterwards.
+        """Returns the filter's amplitude gain for a wave, with linear interpolation of its output.
 
         Args:
             frequency: of the wave [rad/s].
@@ -123,7 +123,7 @@ class PoseFilter(NamedTuple):
 
 @compiled
 def _fit(tau: Any, scale: float, values: Any, terms: int) -> Any:
-    """Fits polynomials to a window; returns coefficients (3, terms) in scaled time.
+    """Fits polynomials in scaled time to a pose window; returns coefficients (3, terms).
 
     The centre is where tau is 0.
     """
@@ -147,7 +147,7 @@ def _fit(tau: Any, scale: float, values: Any, terms: int) -> Any:
 
 @compiled
 def _reach(tau: Any) -> float:
-    """Returns the longest time from the centre [s], by which the fit is scaled."""
+    """Returns the largest time distance from the window's centre [s], the time scale of fits."""
     reach = 0.0
     for one in tau:
         reach = max(reach, abs(one))
@@ -165,7 +165,7 @@ def _change(row: Any, x: float) -> float:
 
 @compiled
 def _even(tau: Any, interval: float, out: Any) -> None:
-    """Replaces measured times by equally spaced ones, a multiple of about `interval` apart.
+    """Writes evenly spaced times for measured times, each a multiple of `interval` apart.
 
     They count from the one that belongs to the centre; the last place receives that one's own.
     """
@@ -223,7 +223,7 @@ def _half_curvature(row: Any, x: float) -> Any:
 
 @entry_point(UniTuple(float64, 3)(GIVEN_1, GIVEN_2, int64, float64))
 def second_derivative(tau: Any, positions: Any, terms: int, offset: float) -> Any:
-    """Returns the second derivative [m/s²] of a polynomial fitted by least squares.
+    """Returns the acceleration [m/s²] from a polynomial fitted to positions.
 
     Args:
         tau: (N,) time from the centre, at which it is 0 [s].
@@ -246,7 +246,7 @@ def second_derivative(tau: Any, positions: Any, terms: int, offset: float) -> An
 
 @entry_point(UniTuple(float64, 3)(GIVEN_1, GIVEN_2, int64, float64))
 def first_derivative(tau: Any, velocities: Any, terms: int, offset: float) -> Any:
-    """Returns the first derivative [m/s²] of a polynomial fitted by least squares.
+    """Returns the acceleration [m/s²] from a polynomial fitted to velocities.
 
     Args:
         tau: (N,) time from the centre, at which it is 0 [s].
@@ -312,7 +312,7 @@ def _turned(attitude: Any, px: float, py: float, pz: float) -> Any:
 
 @compiled
 def _off_frame(px: float, py: float, pz: float, ux: float, uy: float, uz: float) -> Any:
-    """Converts the derivative u of a rotation vector p to angular velocity, to first order."""
+    """Converts a rotation vector p's derivative u to angular velocity, to first order in p."""
     return (
         ux - 0.5 * (py * uz - pz * uy),
         uy - 0.5 * (pz * ux - px * uz),
@@ -322,7 +322,7 @@ def _off_frame(px: float, py: float, pz: float, ux: float, uy: float, uz: float)
 
 @entry_point(UniTuple(float64, 10)(GIVEN_1, GIVEN_2, int64, float64))
 def turning(tau: Any, attitudes: Any, terms: int, offset: float) -> Any:
-    """Returns attitude, angular velocity and angular acceleration from fitted rotations.
+    """Returns attitude, angular velocity and angular acceleration from fitted attitudes.
 
     The rotations φ that lead from the centre's attitude to the others are differentiated, in the
     container's axes: at φ = 0 their derivatives are the angular velocity and acceleration.

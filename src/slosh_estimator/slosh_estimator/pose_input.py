@@ -184,7 +184,7 @@ class PoseInput(CheckedInput):
         return [float(self._at), *self._misfit, *self.sampling.memory, *rows, *checked]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores the state that `memory` of another reader of this input type returned.
+        """Restores the reader's state from the numbers that `memory` returned.
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input or another window.
@@ -252,7 +252,7 @@ class PoseInput(CheckedInput):
         return True
 
     def _place_of(self, stamp_ns: int, vector: Vector) -> Vector:
-        """Returns the position [m] that the plausibility check uses."""
+        """Returns the pose's position [m], as used by the plausibility check."""
         return vector
 
     def _jumped(self, stamp_ns: int, position: tuple[float, float, float]) -> bool:
@@ -316,7 +316,7 @@ class PoseInput(CheckedInput):
         self._wait_ns = (2 * side - 1) * self._interval_ns // 2
 
     def _samples(self, first: int, end: int, *, doubtful: bool) -> list[Sample]:
-        """Returns the input samples at, or next to, the centre pose of a window."""
+        """Returns the input samples at and around the centre pose of a pose window."""
         stamps, values = self._poses.stamps, self._poses.values
         centre_ns = int(stamps[self._at])
         tau = np.asarray((stamps[first:end] - centre_ns) * SECONDS_PER_NS, dtype=np.float64)

@@ -82,12 +82,12 @@ class PredictionRecord:
 
     @property
     def sigma(self) -> float:
-        """Mean of |measured - predicted| [m], or NaN without outcomes."""
+        """Mean absolute error of predicted peaks [m]; NaN without outcomes."""
         return self._absolute / self.count if self.count else NAN
 
     @property
     def epsilon(self) -> float:
-        """Mean of (predicted - measured) / measured, or NaN without outcomes."""
+        """Mean relative error (predicted - measured) / measured of peaks; NaN without outcomes."""
         return self._relative / self.count if self.count else NAN
 
     def announce(self, prediction: Announced) -> None:

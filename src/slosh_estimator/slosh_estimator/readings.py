@@ -48,7 +48,7 @@ class ReadingJoiner:
         self._readings: deque[Reading] = deque(maxlen=PATIENCE)
 
     def add_estimate(self, point: EstimatePoint, model_name: str) -> list[EstimatePoint]:
-        """Adds an estimate; returns those whose predicted measurement has arrived, in order."""
+        """Adds an estimate; returns estimates whose predicted measurement has come, in order."""
         awaits = has_readings(model_name)
         if not awaits and not self._waiting:
             return [point]
@@ -74,7 +74,7 @@ class ReadingJoiner:
         return found
 
     def _read(self, point: EstimatePoint) -> EstimatePoint | None:
-        """Returns an estimate with its predicted measurement, or None if that may still arrive."""
+        """Joins an estimate with its predicted measurement; None if that may still arrive."""
         readings = self._readings
         for reading in readings:
             if reading.stamp_ns == point.stamp_ns:

@@ -52,7 +52,7 @@ class RepeatedHeights:
         return any(self._in_turn(count, same, moves) for count in range(1, TUNING.in_turn + 1))
 
     def _in_turn(self, count: int, same: float, moves: float) -> bool:
-        """Returns whether the last images repeat a sequence of `count` images cyclically."""
+        """Returns whether the last measured heights repeat a cycle of `count` images."""
         turns = list(self._turns(count))
         if len(turns[-1]) < TUNING.each or any(
             _spread([one[1] for one in turn]) > same for turn in turns
@@ -69,5 +69,5 @@ class RepeatedHeights:
 
 
 def _spread(values: Sequence[complex]) -> float:
-    """Returns the largest distance of the values from the first one [m]."""
+    """Returns the largest distance [m] of wave vectors or heights from the first of them."""
     return max(abs(value - values[0]) for value in values)

@@ -44,7 +44,7 @@ class Mimic(NamedTuple):
 
 
 class Robot:
-    """A robot that carries the container.
+    """A robot that carries the container, for forward kinematics from joint positions.
 
     Args:
         urdf: text of its description.
@@ -147,7 +147,7 @@ class Robot:
         )
 
     def _fixed(self, world: str, error: Callable[[str], ValueError]) -> Any:
-        """Returns the transform world ← root, or None if the root is the world."""
+        """Returns the transform from the URDF's root to the world; None if both are the same."""
         frame = self._model.frames[self._model.getFrameId(world)]
         if frame.parentJoint:
             raise error(f"{self._name}: link {world!r} moves, so it cannot be the world")
@@ -210,7 +210,7 @@ def read_urdf(path: str | Path) -> str:
 
 
 def _whole(urdf: str) -> str:
-    """Adds the root element that included robot description files lack.
+    """Adds the root element `robot` that a robot description made of included files may lack.
 
     Raises:
         ValueError: it is none.

@@ -21,7 +21,7 @@ def matrix_from_rpy(roll: float, pitch: float, yaw: float) -> Matrix:
 
 
 def rotate(matrix: Matrix, v: Vector) -> Vector:
-    """Returns the product of a matrix and a vector."""
+    """Returns the product of a 3 x 3 matrix and a vector as plain floats."""
     a, b, c = matrix
     return (
         a[0] * v[0] + a[1] * v[1] + a[2] * v[2],
@@ -31,7 +31,7 @@ def rotate(matrix: Matrix, v: Vector) -> Vector:
 
 
 def cross(a: Vector, b: Vector) -> Vector:
-    """Returns the cross product."""
+    """Returns the cross product of two 3D vectors as plain floats."""
     return (
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],

@@ -67,7 +67,7 @@ class Samples(NamedTuple):
 
     @classmethod
     def of(cls, samples: Sequence[Sample]) -> Samples:
-        """Combines single samples to columns."""
+        """Combines single input samples to columns."""
         values = np.array([sample[1:5] for sample in samples], dtype=np.float64).reshape(-1, 4)
         return cls(
             np.array([sample.stamp_ns for sample in samples], dtype=np.int64),
@@ -80,7 +80,7 @@ class Samples(NamedTuple):
         )
 
     def one(self, index: int) -> Sample:
-        """Returns the sample with this index."""
+        """Returns the input sample at an index."""
         ax, ay, az = self.accelerations[index].tolist()
         return Sample(
             int(self.stamps[index]), ax, ay, az, float(self.yaws[index]),

@@ -49,7 +49,7 @@ def modes_of(model: Model) -> Modes:
 
 
 def interpolation_gain(frequency: float, interval: float) -> float:
-    """Returns the gain of a wave that is sampled and then interpolated linearly.
+    """Returns the amplitude gain of a wave that is sampled and interpolated linearly.
 
     Args:
         frequency: of the wave [rad/s].
@@ -88,7 +88,7 @@ class Sampling:
         self._gapped = self._muted = False
 
     def mute(self) -> None:
-        """Disables the check of the rate, for old recordings."""
+        """Disables the check of the input's rate, for old recordings."""
         self._muted = True
 
     def carry(self, modes: Modes) -> None:
@@ -167,14 +167,14 @@ class Sampling:
         return self.interval_ns * SECONDS_PER_NS
 
     def gains(self) -> dict[int, float]:
-        """Returns the input's gain for each mode by its number; empty if not yet known."""
+        """Returns the input's gain per sloshing mode number; empty if not yet known."""
         found: dict[int, float] = {}
         for number, frequency in self.modes if self.interval_ns else ():
             found[number] = min(found.get(number, math.inf), self._gain(frequency, self.seconds))
         return found
 
     def sentence(self) -> str:
-        """Returns one line on a mode that the rate cannot represent; empty if it suffices."""
+        """Returns one line on a mode that the input's rate cannot represent; else empty."""
         if not self.slow:
             return ""
         number, frequency, gain = next(self._lost(self.seconds))
@@ -200,7 +200,7 @@ class Sampling:
             self.slow = bool(self.interval_ns) and not self._carries(1.0 / self.seconds)
 
     def _lost(self, interval: float) -> Iterator[tuple[int, float, float]]:
-        """Yields number, frequency and gain of modes that a sample interval [s] distorts."""
+        """Yields number, frequency and gain of those modes that a sample interval [s] distorts."""
         for number, frequency in self.modes:
             gain = self._gain(frequency, interval)
             if not TUNING.carried[0] <= gain <= TUNING.carried[1]:
@@ -236,7 +236,7 @@ def gap_sentence(gate: SampleGate, used: int, restarts: int) -> str:
 
 
 def _typical(intervals: Integers) -> Integers:
-    """Returns the medians (M,) of blocks of intervals (M, N), weighted by their length."""
+    """Returns the duration-weighted median (M,) of each block of sample intervals (M, N) [ns]."""
     rising = np.sort(intervals, axis=1)
     elapsed = np.cumsum(rising, axis=1)
     middle = np.argmax(2 * elapsed >= elapsed[:, -1:], axis=1)

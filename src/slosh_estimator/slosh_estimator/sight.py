@@ -88,7 +88,7 @@ def estimate_obstacle(estimate: float, estimate_flags: int) -> str:
 def judged(
     measured: Array, measured_flags: Integers, estimated: Array, sound: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Returns which pairs of heights may be used to compute the accuracy.
+    """Returns a mask of the pairs of heights that count in the accuracy (MAE, ε).
 
     The monitor's MAE and ε, the table of a run and a replay's all count these and no others. A
     saturated measurement is a lower bound: it counts only where it lies above the estimate.
@@ -117,7 +117,7 @@ def clocks_apart(measured_ns: int, estimated_ns: int) -> str:
 
 
 class ClockWatch:
-    """Detects a simulated clock that does not advance, so that no timeout can occur."""
+    """Detects a simulated clock that has stopped, with which no timeout would occur."""
 
     def __init__(self) -> None:
         self._clock_ns: int | None = None
@@ -125,7 +125,7 @@ class ClockWatch:
         self._began_ns = 0
 
     def look(self, steady_ns: int, clock_ns: int) -> str:
-        """Returns a warning line if the clock has stopped, else an empty text; call this often.
+        """Returns a warning line if the simulated clock stopped, else empty; call regularly.
 
         Args:
             steady_ns: elapsed time [ns].

@@ -11,7 +11,7 @@ from slosh_estimator.sample import Sample
 
 
 def remembered(memory: Sequence[float], count: int, rate: int = 0) -> Sequence[float]:
-    """Checks the length of a saved state of an input's reader and returns the state.
+    """Checks the length of an input reader's saved state, and returns that state.
 
     Args:
         memory: all of it.

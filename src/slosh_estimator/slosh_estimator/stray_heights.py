@@ -1,4 +1,4 @@
-"""Detects outliers: single images that neither estimate nor neighbours explain.
+"""Detects outliers: measured heights that fit neither the estimate nor other images.
 
 An old picture, or one torn between two moments, is measured as well as any other, and its height
 is wrong. How far measured and estimated height differ changes from image to image no faster than
@@ -23,7 +23,7 @@ class StrayHeights:
         self._strays = 0
 
     def look(self, measured: MeasuredPoint, expected: Expected) -> bool:
-        """Returns whether the newest measurement is an outlier."""
+        """Adds a measured height and its estimate; returns whether the height is an outlier."""
         off = measured.msh - expected.nonlinear
         if not math.isfinite(off):
             return False

@@ -1,4 +1,4 @@
-"""Estimates the other containers of a tray from one input."""
+"""Estimates the liquid in all containers of a tray except the first, from one motion input."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class TrayEstimator:
         self.tray, self._bounds = tray, tray.bounds.tolist()
 
     def change(self, tray: Tray, index: int, *, fresh: bool) -> None:
-        """Replaces the container in one place; the estimates of other containers continue.
+        """Replaces the container in one tray place; other containers' estimates continue.
 
         Args:
             tray: with the other container.
@@ -111,7 +111,7 @@ class TrayEstimator:
             other.reset()
 
     def update(self, sample: Sample, first: Estimate) -> TrayEstimate:
-        """Processes a sample; returns all estimates, with the first container's given one."""
+        """Processes a sample; returns all containers' estimates, the first one as passed in."""
         estimates = [first, *(other.update(sample) for other in self.others)]
         msh = [one.nonlinear.msh for one in estimates]
         shares = [

@@ -37,7 +37,7 @@ class TrayWatch:
         ]
 
     def change_settings(self, settings: MonitorSettings, stamp_ns: int) -> list[Event]:
-        """Changes the limits for heights after a stamp; see `Monitor.change_settings`."""
+        """Changes the height limits for data after a stamp; see `Monitor.change_settings`."""
         self._settings = settings
         return self._judge_anew(stamp_ns)
 
@@ -53,7 +53,7 @@ class TrayWatch:
         return self._named(found)
 
     def _reach(self, stamp_ns: int) -> list[Event]:
-        """Applies container changes before a stamp; ends violations of replaced containers."""
+        """Applies container changes due before a stamp; ends violations of removed containers."""
         found: list[Event] = []
         while self._changes and self._changes[0][0] < stamp_ns:
             last_ns, tray = self._changes.popleft()
@@ -137,7 +137,7 @@ class TrayWatch:
 
 
 def _limit(one: TrayContainer, settings: MonitorSettings) -> tuple[float, Hysteresis, str]:
-    """Returns a container's limit [m], its hysteresis and its name."""
+    """Returns a container's height limit [m], its hysteresis and the limit's name."""
     limit = settings.estimated_limit if math.isnan(one.limit) else one.limit
     own = replace(settings, estimated_limit=limit)
     own = replace(own, rim=own.near_rim(one.model)[0])

@@ -106,11 +106,11 @@ class VelocityInput(PoseInput):
 
     @property
     def memory(self) -> list[float]:
-        """Returns the input reader's state as numbers for `take_up`, without the last stamp."""
+        """Returns the input reader's state as numbers, except the last stamp; see `take_up`."""
         return [self._yaw, self._rate, *self._place, *self._velocity, *super().memory]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores the state that `memory` of another reader of this input type returned.
+        """Restores the reader's state from the numbers that `memory` returned.
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input.

@@ -1,4 +1,4 @@
-"""Detects a wave that appears in only one of measurement and estimate.
+"""Detects a wave that only the measurement or only the estimate shows.
 
 A dead accelerometer moves nothing: no motion begins for the model, and what the camera sees of the
 liquid is compared with nothing. Here it is the liquid that moves, on either side, and time that
@@ -22,7 +22,7 @@ NAN = float("nan")
 
 
 class Pair(NamedTuple):
-    """Measured and estimated height at the same time.
+    """Measured and estimated liquid height at the same time.
 
     Attributes:
         stamp_ns: [ns].
@@ -57,7 +57,7 @@ class PresenceWatch:
         self._before = (math.inf, math.inf)
 
     def watch(self, limit: float) -> None:
-        """Sets the disagreement limit [m], from which the least height of a wave follows."""
+        """Sets the height limit [m]; a share of it is the least wave height that counts."""
         self._least = TUNING.presence_share * limit if math.isfinite(limit) else TUNING.least_wave
 
     def reset(self) -> None:
@@ -110,7 +110,7 @@ class PresenceWatch:
 
 
 def in_view(expected: Waves, axis: Array) -> Waves:
-    """Projects modelled waves on the horizontal direction that the camera can see.
+    """Projects modelled waves on the horizontal image direction, which the camera can see.
 
     Args:
         expected: (N,) vectors of the waves [m].
@@ -132,11 +132,11 @@ def _not_expected(measured: Array, estimated: Array, *, none: bool) -> str:
 
 
 def _crest(heights: Array) -> float:
-    """Returns the height of wave crests, without single spikes [mm]."""
+    """Returns the 95 % quantile of heights [mm], so that single spikes do not count."""
     return 1e3 * float(np.quantile(heights, 0.95))
 
 
 def _size(values: NDArray[Any]) -> float:
-    """Returns the median distance of heights or vectors from their median [m]."""
+    """Returns the median distance [m] of heights or wave vectors from their median."""
     middle = np.median(values.real) + 1j * np.median(values.imag)
     return float(np.median(np.abs(values - middle)))

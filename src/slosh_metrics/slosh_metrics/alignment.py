@@ -121,7 +121,7 @@ def spike_limit(height: Array) -> float:
 
 
 def find_spikes(height: Array, limit: float) -> NDArray[np.bool_]:
-    """Returns a mask of the samples that exceed both neighbours by more than a limit."""
+    """Returns a mask of the samples that exceed both neighbours by more than a threshold [m]."""
     spikes = np.zeros(height.shape, dtype=bool)
     spikes[1:-1] = height[1:-1] - np.fmax(height[:-2], height[2:]) > limit
     return spikes
@@ -151,7 +151,7 @@ def find_onset(t: Array, height: Array, threshold: float) -> float:
 def onset_offset(
     t: Array, height: Array, model_t: Array, model: Array, still: StillLevel
 ) -> float:
-    """Returns the offset [s] at which measured and modelled heights start to rise together.
+    """Returns how much later [s] measured heights start to rise than modelled heights.
 
     Each series' onset is taken at the same share of its own peak, so that a model with a wrong
     gain has its onset in the same place.
@@ -255,7 +255,7 @@ def _residual(t: Array, height: Array, model_t: Array, model: Array, offset: flo
 
 
 def _mean_square(t: Array, height: Array, model_t: Array, model: Array, offset: float) -> float:
-    """Returns the mean squared residual [m²], or NaN if the motion is not covered."""
+    """Returns the mean squared height error [m²] at a clock offset; NaN if too few samples."""
     residual = _residual(t, height, model_t, model, offset)
     # Where both are known at the same moments, what the model lacks is missing on both sides.
     expected = min((model_t[-1] - model_t[0]) / float(np.median(np.diff(t))), len(model_t))
@@ -296,7 +296,7 @@ def _independent_samples(
 
 
 def _runner_up(costs: Array, best: int) -> float:
-    """Returns the second-best separate minimum's rms divided by that of the best one."""
+    """Returns the rms error at the second-best separate minimum divided by that at the best."""
     filled = np.where(np.isfinite(costs), costs, np.inf)
     others = [
         float(filled[k])

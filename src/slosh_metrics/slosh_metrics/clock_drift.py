@@ -149,7 +149,7 @@ class ClockDriftWatch:
 
     @property
     def within(self) -> ClockDrift | None:
-        """Returns the drift within the most accurate motion; None if none is accurate.
+        """Returns the clock drift from the motion that shows it best; None if no motion shows it.
 
         None: none is seen, or the offsets of the motions contradict it.
         """
@@ -172,7 +172,7 @@ class ClockDriftWatch:
         return self.line is not None and (self.line.drifts or self.line.is_apart)
 
     def text(self) -> str:
-        """Describes the error of the clocks in one line; empty if none is known."""
+        """Describes the clocks' offset or drift in one line; empty if none was found."""
         line = self.line
         if line is None:
             return ""

@@ -105,14 +105,14 @@ class RunningAccuracy:
         self.reset()
 
     def reset(self) -> None:
-        """Resets the error statistics to those of no data."""
+        """Resets the error statistics to the state before the first pair of heights."""
         self.count = 0
         self._absolute_sum = self._squared_sum = 0.0
         self._measured_peak = -math.inf
         self._model_peak = -math.inf
 
     def update(self, measured: float, model: float) -> None:
-        """Adds one pair of heights; ignores it if it is not finite."""
+        """Adds one pair of heights; ignores a pair that is not finite."""
         if not (math.isfinite(measured) and math.isfinite(model)):
             return
         difference = abs(measured - model)

@@ -89,7 +89,7 @@ class MotionFinder:
         self._close_bin()
 
     def forget_first(self) -> None:
-        """Drops the first motion; if it still continues, the rest counts as another motion."""
+        """Drops the first motion; if it still continues, its remainder counts as a new motion."""
         del self._spans[0]
 
     def number_at(self, stamps: Integers) -> NDArray[np.int32]:
@@ -129,7 +129,7 @@ class MotionFinder:
         self._follow_rest(resting)
 
     def _follow_rest(self, resting: Vector | None) -> None:
-        """Takes a constant acceleration as that of rest if it must be an offset, not a motion.
+        """Treats a constant acceleration as standstill if it can only be an offset of the sensor.
 
         Args:
             resting: the constant where it can be no acceleration; None: it may be one [m/s²].
@@ -153,7 +153,7 @@ class MotionFinder:
         self._finder.adopt(constant)
 
     def _grown(self) -> tuple[int, list[MotionSpan]]:
-        """Returns the spans that the current bin changes or adds, and the first one's index."""
+        """Returns the motions that the current time bin extends or adds, and the first's index."""
         count = len(self._spans)
         if not self._moves():
             return count, []

@@ -1,4 +1,4 @@
-"""Deviation of a measured free surface from a straight line, and from rest in a dwell.
+"""Deviation of a free surface from a straight line, and from the still level in a dwell.
 
 The indices of TM20 of profiles η(x, t) over a container's width. x is measured from its middle, η
 from the still level; a frame is one row of a profile.

@@ -62,7 +62,7 @@ def wall_heights(
     max_step: float = MAXIMUM_STEP,
     threads: int | None = None,
 ) -> list[Array]:
-    """Computes wall heights [m] of many simulations, with exactly the results of `simulate`.
+    """Computes liquid heights [m] at the wall for many simulations, exactly as `simulate` does.
 
     Fastest where many models have the same effects and the motions are about equally long.
 
@@ -173,7 +173,7 @@ def _pace(intervals: Array, max_step: float) -> bytes:
 
 
 def _blocks(simulations: _Simulations, size: int, max_step: float) -> Iterator[Block]:
-    """Groups similar simulations into blocks of limited size, sorted by length.
+    """Groups simulations with equal effects into blocks of limited size, sorted by length.
 
     Blocks of some size are filled up to whole vectors, which are faster, with the last one.
     """
@@ -212,7 +212,7 @@ def _rooms(shapes: Sequence[tuple[int, ...]]) -> list[Array]:
 def _run(
     simulations: _Simulations, block: Block, stores: Array, max_step: float, heights: Array
 ) -> None:
-    """Computes the wall heights [m] of a block of simulations."""
+    """Computes the liquid heights [m] at the wall for a block of simulations."""
     motions = [simulations.inputs[place] for place in block]
     intervals = [simulations.intervals[place] for place in block]
     if len(block) < FEWEST:

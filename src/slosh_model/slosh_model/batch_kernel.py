@@ -1,4 +1,4 @@
-"""Compiled integration of many trajectories at once, vectorised over lanes.
+"""Compiled integration of many simulations at once, one in each SIMD lane.
 
 A block of trajectories, one to a lane, goes through time together. Each quantity is a row with a
 value per lane; all rows lie in one flat array, each at a place that is known when the code is
@@ -134,7 +134,7 @@ def _accelerate(lanes, w):  # type: ignore[no-untyped-def]
 
 @compiled
 def _take_slope(lanes, w, weight, share):  # type: ignore[no-untyped-def]
-    """Adds the weighted slope of a Runge-Kutta stage to the sum; advances the state by it."""
+    """Adds a Runge-Kutta stage's weighted slope to the step's sum; advances the state by it."""
     for row in range(STATE_COUNT):
         at = row * LANES
         slope = at + (STATE if row < VX else ACCELERATION - STATE_COUNT * LANES) + VX * LANES
@@ -173,7 +173,7 @@ def _step(lanes, w, modulated):  # type: ignore[no-untyped-def]
 
 @compiled
 def _fill(lanes, w, chunk, motion, first, count):  # type: ignore[no-untyped-def]
-    """Copies the inputs of several samples to the rows of the lanes.
+    """Copies several input samples of each simulation to consecutive rows of one array.
 
     Lane by lane: a lane's samples lie behind each other, those of the lanes far apart.
     """
@@ -250,7 +250,7 @@ def _load_mode(lanes, w, stores, n):  # type: ignore[no-untyped-def]
 
 @compiled
 def _rotate_inputs(lanes, w):  # type: ignore[no-untyped-def]
-    """Rotates each lane's new inputs to the axes of its modes."""
+    """Rotates the new inputs of each simulation to the axes of its modes."""
     at = NEW_INPUTS
     for k in range(lanes):
         if w[AXES + k] != 0.0:
@@ -265,7 +265,7 @@ def _rotate_inputs(lanes, w):  # type: ignore[no-untyped-def]
 
 @compiled
 def _along_modes(lanes, w, at):  # type: ignore[no-untyped-def]
-    """Projects each simulation's inputs on its mode's direction, if that is fixed."""
+    """Projects each simulation's inputs on its mode's direction, if the direction is fixed."""
     if w[ALONG] == 0.0 and w[ALONG + LANES] == 0.0:  # lanes of a block are alike in this
         return
     for k in range(lanes):
@@ -285,7 +285,7 @@ def _save_mode(lanes, w, stores, n):  # type: ignore[no-untyped-def]
 
 @compiled
 def _advance_mode(lanes, w, count, modulated):  # type: ignore[no-untyped-def]
-    """Integrates one mode of each lane over an input interval, and adds its wall heights."""
+    """Integrates one mode of each simulation over an input interval; adds its liquid heights."""
     _copy(lanes, w, OLD_INPUTS, LEFT_INPUTS, INPUT_COUNT)
     _along_modes(lanes, w, LEFT_INPUTS)
     for part in range(count):
@@ -326,7 +326,7 @@ def _add_static_heights(lanes, w):  # type: ignore[no-untyped-def]
 
 @compiled
 def _finish_sample(lanes, w, answers, j):  # type: ignore[no-untyped-def]
-    """Stores a sample's wall heights and rotation angles; resets the heights for the next one."""
+    """Stores a sample's liquid heights and rotation angles; sets the heights to 0."""
     at = j * _ANSWERS
     for k in range(lanes):
         answers[at + k], answers[at + LANES + k] = w[HEIGHTS + k], w[HEIGHTS + LANES + k]
@@ -347,7 +347,7 @@ def _write_heights(lanes, answers, heights, first, count):  # type: ignore[no-un
 
 @compiled
 def _exceeds(lanes, answers, count, ceiling):  # type: ignore[no-untyped-def]
-    """Whether a height of the last samples exceeds a ceiling."""
+    """Whether a liquid height of the last samples exceeds a ceiling [m]."""
     highest = 0.0
     for j in range(count):
         at = j * _ANSWERS
@@ -361,7 +361,7 @@ def advance_lanes(  # type: ignore[no-untyped-def]
     stores, counts, interval_rows, input_rows, intervals, inputs, yaws, poses, driven, modulated,
     heights, ceiling,
 ):  # fmt: skip
-    """Does the work of `advance_block`, for calls from other compiled code.
+    """Integrates up to LANES models as `advance_block` does; for calls from compiled code.
 
     Ends early after a height at +x or +y beyond a ceiling [m].
 
@@ -408,7 +408,7 @@ def advance_block(  # type: ignore[no-untyped-def]
     stores, counts, interval_rows, input_rows, intervals, inputs, yaws, poses, driven, modulated,
     heights,
 ):  # fmt: skip
-    """Integrates up to LANES models after their first sample, as `kernel.advance_many`.
+    """Integrates up to LANES models after their first sample, as `kernel.advance_many` does.
 
     Args:
         stores: (K, …) their stores, with the same effects switched on and as many modes.

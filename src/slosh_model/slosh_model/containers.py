@@ -181,11 +181,11 @@ class Container(ABC):
 
     @abstractmethod
     def plane_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns a mode's wall height per displacement of its mass, for a plane surface [1]."""
+        """Returns a plane surface's height at the wall per displacement of a mode's mass [1]."""
 
     @abstractmethod
     def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns a mode's wall height per displacement of its mass for its own shape [1]."""
+        """Returns a mode shape's height at the wall per displacement of the mode's mass [1]."""
 
     @abstractmethod
     def widened(self, factor: float) -> Self:
@@ -208,11 +208,11 @@ class Container(ABC):
         return -2.0 / slenderness * math.tanh(0.5 * slenderness * self.fill_height)
 
     def height_distance(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns the distance from the axis to where a mode's wall height is greatest [m]."""
+        """Returns the distance from the axis to where a mode is highest at the wall [m]."""
         return self.reaches[axis]
 
     def crest(self, n: int, axis: int = X_AXIS) -> tuple[float, float]:
-        """Returns a mode's maximum height divided by its wall height, and its position [m]."""
+        """Returns a mode's maximum height relative to that at the wall, and its position [m]."""
         return 1.0, self.reaches[axis]
 
     @property
@@ -247,7 +247,7 @@ class Container(ABC):
         return Wall.vertical(radius, self.freeboard)
 
     def height_below_rim(self, distance: float = 0.0) -> float | None:
-        """Returns the wall height [m] at which the crest is `distance` below the rim; else None.
+        """Returns the height at the wall [m] of a crest `distance` below the rim; None if unknown.
 
         Args:
             distance: vertical [m]; 0: at the rim.
@@ -299,7 +299,7 @@ class Container(ABC):
 
     @property
     def follows_yaw(self) -> bool:
-        """Whether the liquid turns about the vertical as the container does."""
+        """Whether the liquid turns about the vertical with the container, as in a box."""
         return self.section in (RECTANGULAR, PRISMATIC)
 
     @property
@@ -312,7 +312,7 @@ class Container(ABC):
 
     @property
     def one_directional(self) -> bool:
-        """Whether each mode oscillates in a fixed direction, so that each number has two modes."""
+        """Whether modes oscillate in fixed directions, so that each mode number has two modes."""
         return False
 
     def axes(self, masses: int) -> float:

@@ -18,7 +18,7 @@ sinc²(1/8) = 95 % of an acceleration at the liquid's frequency."""
 
 
 class Gap(NamedTuple):
-    """An interval of a motion in which samples are missing.
+    """An interval of a motion in which input samples are missing.
 
     Attributes:
         start: time of the sample before it [s].

@@ -11,7 +11,7 @@ Times = NDArray[np.float64] | NDArray[np.int64]
 
 
 def columns_at(moments: Times, t: Times, columns: Array) -> Array:
-    """Interpolates columns at other times; beyond the ends they are constant.
+    """Interpolates columns of values at other times; beyond the ends the values are constant.
 
     Args:
         moments: (M,) in any unit.

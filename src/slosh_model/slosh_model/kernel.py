@@ -74,7 +74,7 @@ def in_axes(inputs, axes):  # type: ignore[no-untyped-def]
 
 @compiled
 def along_mode(inputs, x, y):  # type: ignore[no-untyped-def]
-    """Returns the inputs' part along the direction (x, y) of a mode; all inputs for (0, 0)."""
+    """Returns the inputs' part along the direction (x, y) of a mode; (0, 0) keeps all inputs."""
     if x == 0.0 and y == 0.0:
         return inputs
     share = x * inputs[AX] + y * inputs[AY]
@@ -94,7 +94,7 @@ def between(u0, u1, share):  # type: ignore[no-untyped-def]
 
 @compiled
 def runge_kutta_step(mode, q, u0, u1, step, elapsed, parameters):  # type: ignore[no-untyped-def]
-    """Makes one classical Runge-Kutta step of a mode; u0 and u1 are the inputs at both ends."""
+    """Makes one Runge-Kutta step of a mode; u0 and u1 are the inputs at its start and end."""
     x, y, vx, vy = q
     half = 0.5 * step
     middle = between(u0, u1, 0.5)
@@ -171,7 +171,7 @@ def unwrapped(angle, before):  # type: ignore[no-untyped-def]
 
 @compiled
 def lightness(lift, az):  # type: ignore[no-untyped-def]
-    """Returns g divided by the effective gravity, which is limited to at least g/2.
+    """Returns g divided by the effective gravity, which counts as at least g/2.
 
     Args:
         lift: 1 where the vertical acceleration acts, else 0.
@@ -233,7 +233,7 @@ def advance(run, modes, ax, ay, az, yaw, pose, dt):  # type: ignore[no-untyped-d
 
 @compiled
 def turned(height_x, height_y, angle):  # type: ignore[no-untyped-def]
-    """Rotates wall heights from the axes of the modes to the axes of the container."""
+    """Rotates liquid heights from the axes of the modes to the axes of the container."""
     if angle == 0.0:
         return height_x, height_y
     c, s = math.cos(angle), math.sin(angle)
@@ -251,7 +251,7 @@ def pose_at(poses, i):  # type: ignore[no-untyped-def]
 
 @entry_point(Tuple((float64, float64))(CHANGED_1, float64, float64, float64, float64))
 def step(store, dt, ax, ay, az):  # type: ignore[no-untyped-def]
-    """Advances an upright container by one input; returns the wall heights [m]."""
+    """Advances an upright container by one input; returns the liquid heights at the wall [m]."""
     runs, modes = records(store)
     height_x, height_y, angle = advance(runs[0], modes, ax, ay, az, 0.0, UPRIGHT, dt)
     return turned(height_x, height_y, angle)
@@ -301,7 +301,7 @@ def corner_azimuth(height_x, height_y, radius_x, radius_y):  # type: ignore[no-u
 
 @compiled
 def highest_on_wall(run, height_x, height_y):  # type: ignore[no-untyped-def]
-    """Returns the maximum height [m] on the wall of a running model's container.
+    """Returns the maximum liquid height [m] on the wall of a running model's container.
 
     Args:
         run: its record of `layout.RUN`.
@@ -316,7 +316,7 @@ def highest_on_wall(run, height_x, height_y):  # type: ignore[no-untyped-def]
 
 @compiled
 def highest_and_azimuth(run, first, height_x, height_y):  # type: ignore[no-untyped-def]
-    """Returns the maximum wall height [m] and its azimuth [rad] in a running model's container.
+    """Returns the maximum height at the wall [m] and its azimuth [rad] in a running model.
 
     Args:
         run, first: the model's records of `layout.RUN` and, of its first mode, `layout.MODE`.

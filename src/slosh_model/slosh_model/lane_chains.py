@@ -44,7 +44,7 @@ def _writer(name: str, first: int, count: int, sign: str) -> list[str]:
 
 
 def _loop(effect: Effect, line: str) -> list[str]:
-    """Generates the source of a loop over the lanes for one effect."""
+    """Generates the source of a loop that applies one effect to each simulation."""
     slot = PARAMETERS + SLOTS[effect.name] * LANES
     return [
         f"    if w[{slot}] != 0.0:",

@@ -82,7 +82,7 @@ def new_store(mode_count: int) -> NDArray[np.float64]:
 
 
 def divided(store: NDArray[np.float64]) -> tuple[NDArray[np.void], NDArray[np.void]]:
-    """Returns a model's array as structured records: one RUN, and one MODE for each mode."""
+    """Returns a model's state array as structured records: one RUN, and one MODE for each mode."""
     return store[:_RUN_LENGTH].view(RUN), store[_RUN_LENGTH:].view(MODE)
 
 

@@ -1,4 +1,4 @@
-"""Range of motion in which a model was validated by measurements."""
+"""Range of motion in which measurements validated a model."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slosh_model.checks import within
 
 @dataclass(frozen=True, slots=True)
 class ValidityLimits:
-    """Range in which a model was validated; outside it, the estimator sets flags.
+    """Range of motion in which a model was validated; outside it, the estimator sets flags.
 
     The defaults are those of a cylinder (DL22, §4.2).
 

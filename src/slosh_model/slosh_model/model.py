@@ -316,7 +316,7 @@ class Model:
     def height_gains(
         self, modes: tuple[Mode, ...] | None = None, axis: int = X_AXIS
     ) -> tuple[float, ...]:
-        """Returns each mode's wall height per displacement of its mass (DL22, Tables 1, 2).
+        """Returns each mode's height at the wall per displacement of its mass (DL22, Tables 1, 2).
 
         Args:
             modes: what `mode_constants` gives; None: computed.
@@ -343,7 +343,7 @@ class Model:
         return math.cos(direction - 0.5 * math.pi * axis) ** 2
 
     def static_height(self, modes: tuple[Mode, ...] | None = None, axis: int = X_AXIS) -> float:
-        """Returns the quasi-static wall height per acceleration [s²].
+        """Returns the quasi-static height at the wall per acceleration [s²].
 
         A share of what the modes leave of R/g, the height of a surface that stands normal to
         gravity and a constant acceleration.

@@ -317,7 +317,7 @@ def read_model(path: str | Path) -> Model:
 
 
 def write_model(path: str | Path, model: Model) -> None:
-    """Writes a model to a file; `read_model` returns an equal one.
+    """Writes a model to a file; `read_model` returns an equal model.
 
     Raises:
         OSError: the file cannot be written; what was there is as it was.

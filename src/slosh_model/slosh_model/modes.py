@@ -61,7 +61,7 @@ class Mode:
 
     @property
     def plane_gain(self) -> float:
-        """Wall height per displacement of the mass for a plane surface [1].
+        """Liquid height at the wall per displacement of the mass, for a plane surface [1].
 
         It goes with ω²: under a constant acceleration the surface stands where gravity puts it,
         whatever frequency was measured, as in TM20's pendulum, eq. (9).
@@ -70,5 +70,5 @@ class Mode:
 
     @property
     def curved_gain(self) -> float:
-        """Wall height per displacement of the mass for the mode's own shape [1]."""
+        """Liquid height at the wall per displacement of the mass, for the mode's own shape [1]."""
         return self.frequency_factor**2 * self.container.curved_gain(self.number, self.axis)

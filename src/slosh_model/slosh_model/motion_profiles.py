@@ -30,7 +30,7 @@ _BREAKS = (0.125, 0.375, 0.625, 0.875)
 
 
 def quintic(u: Array) -> tuple[Array, Array, Array]:
-    """Evaluates 10u³ − 15u⁴ + 6u⁵; velocity and acceleration are zero at both ends."""
+    """Evaluates the motion law 10u³ − 15u⁴ + 6u⁵; speed and acceleration are 0 at both ends."""
     u = np.clip(u, 0.0, 1.0)
     rest = 1.0 - u
     position = u**3 * (10.0 + u * (6.0 * u - 15.0))
@@ -38,7 +38,7 @@ def quintic(u: Array) -> tuple[Array, Array, Array]:
 
 
 def cycloidal(u: Array) -> tuple[Array, Array, Array]:
-    """Evaluates u − sin(2πu)/2π, whose acceleration is a sine."""
+    """Evaluates the motion law u − sin(2πu)/2π, whose acceleration is a sine."""
     u = np.clip(u, 0.0, 1.0)
     turn = 2.0 * math.pi
     angle = turn * u
@@ -48,7 +48,7 @@ def cycloidal(u: Array) -> tuple[Array, Array, Array]:
 
 
 def harmonic(u: Array) -> tuple[Array, Array, Array]:
-    """Evaluates (1 − cos πu)/2, whose acceleration jumps at both ends.
+    """Evaluates the motion law (1 − cos πu)/2, whose acceleration jumps at both ends.
 
     Its peak, π²/2 = 4.93, is the least but that of constant accelerations.
     """
@@ -60,7 +60,7 @@ def harmonic(u: Array) -> tuple[Array, Array, Array]:
 
 
 def modified_trapezoid(u: Array) -> tuple[Array, Array, Array]:
-    """Evaluates the modified trapezoid, whose acceleration has quarter-sine edges.
+    """Evaluates the modified-trapezoid motion law; its acceleration has quarter-sine edges.
 
     The acceleration rises as a quarter sine, stays, falls through zero as a cosine (two segments),
     stays, and returns to zero.
@@ -69,7 +69,7 @@ def modified_trapezoid(u: Array) -> tuple[Array, Array, Array]:
 
 
 def acceleration_pulse(u: Array) -> tuple[Array, Array, Array]:
-    """Evaluates two pulses of constant acceleration and deceleration with linear edges.
+    """Evaluates a motion law of constant acceleration, then deceleration, with linear edges.
 
     TM20 shows its acceleration pulse in a figure alone. Assumed is what the name says, two equal
     pulses of opposite sign that fill the motion time; an edge takes EDGE of it, as no drive
@@ -126,7 +126,7 @@ class Cycle:
 
     @property
     def motion_time(self) -> float:
-        """Duration T_mot = b · T_cycle of the motion [s]; the container dwells for the rest."""
+        """Duration T_mot = b · T_cycle of the motion [s]; then the container dwells."""
         return self.ratio * self.cycle_time
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:

@@ -46,7 +46,7 @@ def highest_at_corners(corners, count, height_x, height_y):  # type: ignore[no-u
 
 @compiled
 def azimuth_at_corners(corners, count, height_x, height_y, reach_x, reach_y):  # type: ignore[no-untyped-def]
-    """Returns the highest corner's azimuth [rad]; if two are equally high, that between them."""
+    """Returns the highest corner's azimuth [rad], or the mean azimuth of equally high corners."""
     best = highest_at_corners(corners, count, height_x, height_y)
     if best != best:
         return math.nan
@@ -87,7 +87,7 @@ def place_at_corners(azimuth, corners, count, reach_x, reach_y):  # type: ignore
 
 @entry_point(void(GIVEN_2, GIVEN_1, GIVEN_2, CHANGED_1, CHANGED_1))
 def highest_of_many(corners, reaches, heights, maximum, azimuth):  # type: ignore[no-untyped-def]
-    """Computes maximum wall heights [m] and azimuths [rad] of many plane surfaces.
+    """Computes maximum heights [m] at the wall and their azimuths [rad] for many plane surfaces.
 
     Args:
         corners: (K, 2) of the wall.

@@ -41,7 +41,7 @@ class Response(Shown):
 
     @property
     def msh(self) -> Array:
-        """Maximum sloshing height (N,) over the wall [m] (DL22, Table 2).
+        """Maximum sloshing height (N,) at the wall [m] (DL22, Table 2).
 
         Of the liquid itself: what a sensor reads of it is `slosh_model.measure`.
         """

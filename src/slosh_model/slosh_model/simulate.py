@@ -195,7 +195,7 @@ class Simulator:
         back_to_rest(self.store)
 
     def step(self, dt: float, ax: float, ay: float, az: float) -> tuple[float, float]:
-        """Adds an input sample of an upright container; returns the wall heights [m].
+        """Adds an input sample of an upright container; returns liquid heights at the wall [m].
 
         Args:
             dt: time since the sample before [s], finite; without one it is ignored, and where it
@@ -215,7 +215,7 @@ class Simulator:
         return np.column_stack([self._modes[name] for name in MODAL])
 
     def run(self, inputs: Inputs, state: State | None = None) -> tuple[Response, State]:
-        """Simulates a whole motion from a state; see `simulate`."""
+        """Simulates a whole motion from an earlier state or from rest; see `simulate`."""
         start = float(inputs.t[0])
         self.start(state, start)
         if state is not None:
@@ -239,7 +239,7 @@ class Simulator:
         return response, self._state(float(inputs.t[-1]))
 
     def start(self, state: State | None, start: float) -> None:
-        """Sets the state, or rest, for a motion that starts at `start` [s].
+        """Sets the liquid's state (None: at rest) for a motion that starts at `start` [s].
 
         Raises:
             SloshModelError: another model's state, or one that does not lead to the start.

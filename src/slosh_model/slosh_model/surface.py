@@ -69,7 +69,7 @@ def bessel_surface(
 def surface_height(
     model: Model, modal: ArrayLike, relative_radius: ArrayLike, azimuth: ArrayLike
 ) -> Array:
-    """Returns the height [m] of a model's surface at one time: plane for L, Bessel for NL.
+    """Returns the height [m] of a model's surface at one time: plane if linear, else Bessel.
 
     Args:
         model: the model.

@@ -83,7 +83,7 @@ def bound_height(double_x, double_y, product, c, s):  # type: ignore[no-untyped-
 
 @compiled
 def highest_on_wall(x, y, double_x, double_y, product):  # type: ignore[no-untyped-def]
-    """Returns the maximum wall height [m] of a plane wave with the second-order modes.
+    """Returns the maximum height at the wall [m] of a plane wave with the second-order modes.
 
     Looked for at `_PLACES` steps along each side: at most 0.5 % of a bound mode is lost.
     """

@@ -24,11 +24,11 @@ class Turning(Protocol):
 
     @property
     def attitude(self) -> Array | None:
-        """Attitude (N, 4) as quaternion x, y, z, w, world ← container, or None if not given."""
+        """Attitude (N, 4) as quaternion x, y, z, w, world ← container, or None if unknown."""
 
     @property
     def angular_velocity(self) -> Array | None:
-        """Angular velocity (N, 3) in the container's frame [rad/s], or None if not given."""
+        """Angular velocity (N, 3) in the container's frame [rad/s], or None if unknown."""
 
 
 def attitude_of(motion: Turning) -> Array | None:

@@ -67,7 +67,7 @@ class TrayContainer:
 
     @property
     def bound(self) -> float:
-        """Limit of the height, or the rim if it is lower [m]; infinite if none is known."""
+        """Lower one of height limit and rim above the still level [m]; infinite without both."""
         rim = self.model.container.freeboard
         return float(np.fmin(np.fmin(self.limit, math.inf), math.inf if rim is None else rim))
 
@@ -92,7 +92,7 @@ class Tray:
         return Tray(tuple(replace(one, model=changed(one.model)) for one in self.containers))
 
     def with_container(self, index: int, container: TrayContainer) -> Tray:
-        """Returns the tray with another container in one place; the index counts from 0."""
+        """Returns the tray with the container at an index (from 0) replaced."""
         listed = list(self.containers)
         listed[index] = container
         return Tray(tuple(listed))
@@ -120,7 +120,7 @@ class Tray:
 
     @cached_property
     def bounds(self) -> Array:
-        """Greatest allowed heights (N,) [m]; 1 m for containers without known limit and rim."""
+        """Greatest allowed heights (N,) [m]; 1 m for containers without limit and rim height."""
         bounds = np.array([one.bound for one in self.containers])
         return np.where(np.isfinite(bounds), bounds, 1.0)
 

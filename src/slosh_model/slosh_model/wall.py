@@ -71,7 +71,7 @@ class Wall:
         return WallPlace(*self._columns(height))
 
     def places(self, heights: Array) -> dict[str, Array]:
-        """Returns the positions that waves of heights (N,) reach on the wall, by field name."""
+        """Returns the fields of WallPlace, by name, as arrays (N,) for wave heights (N,) [m]."""
         return dict(zip(WallPlace._fields, self._columns(heights), strict=True))
 
     def _columns(self, height: Any) -> tuple[Any, ...]:
@@ -85,7 +85,7 @@ class Wall:
         return surface, along, radius, self.freeboard - surface, left
 
     def height_at(self, distance: float = 0.0) -> float:
-        """Returns the height at the wall [m] for a crest at a distance below the rim; NaN if none.
+        """Returns the height at the wall [m] of a crest at a distance below the rim; NaN if none.
 
         NaN: the rim is not known. Not above 0: no wave leaves so much.
         """
@@ -97,7 +97,7 @@ class Wall:
 
 
 def rim_name(distance: float) -> str:
-    """Returns what limits a height: the rim, or a distance to it [m], in words."""
+    """Names what limits the liquid height: the rim, or a distance [m] below the rim."""
     return "rim limit" if distance > 0.0 else "rim"
 
 

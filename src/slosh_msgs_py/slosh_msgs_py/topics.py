@@ -284,7 +284,7 @@ PER_CONTAINER = (FREE_SURFACE, COMPARISON, IMAGE, IMAGE_COMPRESSED, CAMERA_INFO)
 
 
 def of_container(name: str, container: str) -> str:
-    """Returns the topic of a container of the tray, given that of the first container.
+    """Converts a topic name of the tray's first container to that of a named container.
 
     >>> of_container("camera/image_raw", "right")
     'camera_right/image_raw'

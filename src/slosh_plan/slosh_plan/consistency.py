@@ -29,7 +29,7 @@ def check_consistent(
     velocities: Array | None = None,
     accelerations: Array | None = None,
 ) -> None:
-    """Raises an error if the given fields of a motion contradict each other.
+    """Raises an error if a motion's positions, velocities and accelerations contradict each other.
 
     Velocities that are all zero count as not given: they are often filled in, and not used.
 
@@ -74,7 +74,7 @@ def _check_pair(
 
 
 def _differences(t: Array, values: Array, order: int, step: float) -> Array:
-    """Returns first or second differences (M, 3) of values (N, 3) at a fixed time step."""
+    """Returns first or second differences (M, 3) of vectors (N, 3) that are a fixed time apart."""
     begin = t[: max(int(np.searchsorted(t, t[-1] - order * step, side="right")), 1)]
     at = [columns_at(begin + k * step, t, values) for k in range(order + 1)]
     change = at[1] - at[0] if order == 1 else at[2] - 2.0 * at[1] + at[0]
@@ -82,7 +82,7 @@ def _differences(t: Array, values: Array, order: int, step: float) -> Array:
 
 
 def _integrated(t: Array, values: Array, order: int) -> Array:
-    """Integrates piecewise linear values once or twice, starting from 0."""
+    """Integrates a piecewise linear function of time once or twice, starting from 0."""
     dt = np.diff(t)[:, np.newaxis]
     first, last = values[:-1], values[1:]
     once = np.zeros_like(values)

@@ -17,13 +17,13 @@ FAST = 20.0
 
 
 def trajectory_doubts(motion: Trajectory) -> tuple[InputDoubt, ...]:
-    """Returns one sentence for each suspected fault of a motion."""
+    """Returns one warning for each implausible gravity, unit or attitude of a motion."""
     found = motion_doubts(motion.t, motion.acceleration, motion.attitude, motion.position)
     return (*attitude_doubts(motion.attitude), *found)
 
 
 def attitude_doubts(attitude: Array | None) -> tuple[InputDoubt, ...]:
-    """Returns a sentence if a container is turned upside down, for example by its tool frame.
+    """Returns a warning if a container is upside down, e.g. due to a wrong tool frame.
 
     Args:
         attitude: (N, 4) quaternions x, y, z, w, world ← container; None: upright.
@@ -39,7 +39,7 @@ def attitude_doubts(attitude: Array | None) -> tuple[InputDoubt, ...]:
 
 
 def path_doubts(path: Waypoints) -> tuple[InputDoubt, ...]:
-    """Returns one sentence for each suspected fault of a path."""
+    """Returns a warning if a path's length suggests that its positions are in mm."""
     length = float(np.linalg.norm(np.diff(path.position, axis=0), axis=1).sum())
     lasts = float(path.t[-1] - path.t[0])
     if length <= FAR and length <= FAST * lasts:

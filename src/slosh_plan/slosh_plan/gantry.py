@@ -51,7 +51,7 @@ class GantryLimits:
 def gantry_limits(
     model: Model, limits: HeightLimits, machine_acceleration: float | None = None
 ) -> GantryLimits:
-    """Finds acceleration and speed limits of a machine's axes, two of which may move at once.
+    """Finds safe acceleration and speed limits of two machine axes that may move at once.
 
     Args:
         model: of the container and its liquid; its nonlinear twin answers.
@@ -94,7 +94,7 @@ def gantry_limits(
 
 
 def _largest(height: Callable[[float], float], limit: float, low: float, high: float) -> float:
-    """Returns the largest parameter value whose wave height keeps a limit, by bisection.
+    """Returns the largest value whose wave height, `height(value)`, is within a limit [m].
 
     Raises:
         SloshPlanError: not even the lowest value keeps it.
@@ -112,7 +112,7 @@ def _largest(height: Callable[[float], float], limit: float, low: float, high: f
 
 
 def _peak(model: Model, acceleration: float, ramp: float, longest: float) -> tuple[float, float]:
-    """Returns the greatest wave heights [m] of many moves: at any time, and after the end.
+    """Returns the greatest wave heights [m] of many moves: at any time, and after a move's end.
 
     Args:
         model: the model.
@@ -145,7 +145,7 @@ def _speeds(edges: Array, values: Array) -> tuple[Array, Array]:
 def _moves(
     model: Model, acceleration: float, ramp: float, longest: float
 ) -> Iterator[tuple[Inputs, float]]:
-    """Yields moves of both axes together (for a box also of one axis), with end times [s]."""
+    """Yields there-and-back test moves of both axes (box: of one axis too), with end times [s]."""
     period = first_period(model)
     # A short push needs more samples.
     step = min(period, max(longest, period * TUNING.gantry_short) * TUNING.gantry_fine)

@@ -58,7 +58,7 @@ def all_extremes(
     *,
     max_step: float = MAXIMUM_STEP,
 ) -> list[Extremes]:
-    """Computes the maximum heights [m] of many motions.
+    """Computes the maximum wave heights [m] during and after each of many motions.
 
     Args:
         model: the model.

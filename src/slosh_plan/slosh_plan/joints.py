@@ -125,7 +125,7 @@ class Arm(Robot):
         return [name for name, column in zip(joints, apart.T, strict=True) if column.any()]
 
     def known(self, joints: Sequence[str]) -> list[bool]:
-        """Returns which of the given joints the robot's description contains."""
+        """Returns for each joint name whether the robot's description contains it."""
         return [self._model.existJointName(name) for name in joints]
 
     def check_joints(self, joints: Sequence[str], name: str) -> None:
@@ -261,7 +261,7 @@ class Arm(Robot):
         return found
 
     def _configurations(self, joints: Sequence[str], position: Array) -> Iterator[Array]:
-        """Yields the robot's configuration vector for each sample; other joints are at 0."""
+        """Yields the robot's configuration vector for each sample; joints not given are at 0."""
         model = self._model
         places = [
             (column, model.joints[model.getJointId(name)])
@@ -321,7 +321,7 @@ class Arm(Robot):
                 )
 
     def _check_range(self, joints: Sequence[str], position: Array, name: str) -> None:
-        """Raises SloshPlanError if a joint position is far beyond its limits, as degrees are."""
+        """Raises SloshPlanError if a position is far beyond its limits, as if given in degrees."""
         limits = self.limits(joints)
         outside = np.maximum(limits["lower"] - position, position - limits["upper"])
         if len(outside) and outside.max() > ESTIMATOR_TUNING.beyond_limits:

@@ -71,10 +71,10 @@ class HeightLimits:
 
     @property
     def height_name(self) -> str:
-        """Describes in words what the height limit is: a given limit, or the rim."""
+        """Describes in words whether the height limit is the user's or the rim."""
         return rim_name(self.rim_distance) if self.at_rim else "limit"
 
     @property
     def given(self) -> bool:
-        """Whether any limit of the height is set."""
+        """Whether a limit of the liquid's height, or a distance to the rim, is set."""
         return min(self.height, self.residual) < math.inf or self.rim_distance > 0.0

@@ -31,7 +31,7 @@ class Record(NamedTuple):
 
 
 def error_of(record: Record | None) -> ModelError:
-    """Returns the model's error from past predictions, or zero error if there are too few."""
+    """Returns the model's error in past predictions, or zero error if these are too few."""
     if record is None or not record.possible or record.count < LEAST:
         return ModelError()
     return ModelError(min(record.sigma, 1.0), min(max(record.epsilon, -1.0), 10.0))
@@ -75,7 +75,7 @@ def look_ahead(
 
 
 def warning(prediction: Prediction) -> str:
-    """Returns by how much a motion exceeds its limits, as text; empty if it keeps them."""
+    """Returns by how much a motion's liquid exceeds its height limits, as text; else empty."""
     limits, peak = prediction.limits, prediction.nonlinear
     parts = []
     if prediction.excess > 0.0:

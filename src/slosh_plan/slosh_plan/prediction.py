@@ -64,7 +64,7 @@ class ModelError:
         return math.sqrt((COVERAGE * standard) ** 2 + (COVERAGE * self.sigma) ** 2 + share**2)
 
     def highest(self, limit: float) -> float:
-        """Returns the height whose 95 % interval, by MAE and ε alone, ends at a limit [m].
+        """Returns the greatest height whose 95 % interval, by MAE and ε alone, keeps a limit [m].
 
         Raises:
             SloshPlanError: the error leaves nothing of the limit.
@@ -145,12 +145,12 @@ class Prediction:
 
     @property
     def excess(self) -> float:
-        """Excess of the interval's upper end over the height limit [m], or 0 if it is below."""
+        """Excess of the peak's interval over the height limit [m]; 0 if it is below the limit."""
         return max(self.upper - self.limits.height, 0.0)
 
     @property
     def residual_excess(self) -> float:
-        """Excess of the residual's upper end over its limit [m], or 0 if it is below."""
+        """Excess of the residual height's interval over its limit [m]; 0 if it is below."""
         return max(self.residual_upper - self.limits.residual, 0.0)
 
     @property
@@ -161,7 +161,7 @@ class Prediction:
 
     @property
     def kept(self) -> bool:
-        """Whether the whole intervals of peak and residual height keep their limits."""
+        """Whether the 95 % intervals of peak and residual height are below their limits."""
         return self.excess == 0.0 and self.residual_excess == 0.0
 
 

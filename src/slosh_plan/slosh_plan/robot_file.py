@@ -41,7 +41,7 @@ class CarryingRobot:
 
     @property
     def doubt(self) -> str:
-        """Names joints with given limits that the description lacks; empty if there are none."""
+        """Names joints with user limits that the robot's description lacks; empty if none."""
         names = list(self.given)
         strange = [one for one, known in zip(names, self.arm.known(names), strict=True)
                    if not known]  # fmt: skip
@@ -90,7 +90,7 @@ class CarryingRobot:
                 )
 
     def held(self, joints: Sequence[str]) -> tuple[str, ...]:
-        """Returns the joints that carry the container, are not given, and so are held at 0."""
+        """Returns those carrying joints that are missing in `joints` and so held at 0."""
         return tuple(joint for joint in self.arm.held if joint not in joints)
 
 

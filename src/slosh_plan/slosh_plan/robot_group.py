@@ -89,7 +89,7 @@ class _Reader:
         self._by_name = {joint.name: joint for joint in above.values()}
 
     def joints(self, name: str, within: tuple[str, ...]) -> Iterator[_Joint]:
-        """Yields the joints of a group; `within` names the groups that contain it."""
+        """Yields the joints of a group; `within` names the groups that contain this group."""
         if name not in self._groups:
             known = ", ".join(self._groups) or "none"
             raise SloshPlanError(f"{self._path}: no group {name!r:.60} (known: {known:.200})")

@@ -69,7 +69,7 @@ class SafeScales:
 
     @property
     def safe_from(self) -> float:
-        """Smallest time scale from which on every slower one is safe, or NaN if there is none."""
+        """Smallest time scale from which on all slower motions are safe; NaN if there is none."""
         if self.intervals and self.intervals[-1][1] == self.slowest:
             return self.intervals[-1][0]
         return math.nan
@@ -175,7 +175,7 @@ class _Scan:
     budget: Budget
 
     def looked_at(self, scales: Array) -> Bools:
-        """Returns whether each time scale is safe; doubtful ones are simulated in full."""
+        """Returns a mask of safe time scales; simulates doubtful scales in full."""
         found = self._coarse(scales)
         safe = np.array([self._keeps(one) for one in found])
         doubtful = np.flatnonzero([self._doubtful(one) for one in found])
@@ -184,7 +184,7 @@ class _Scan:
         return safe
 
     def exact(self, scales: Array) -> Bools:
-        """Returns whether each scale is safe, by a simulation of every sample."""
+        """Returns whether each time scale is safe, by a simulation of every sample."""
         found: list[Extremes] = []
         for batch in self._batches(scales, PEAK_SPACING, len(self.trajectory.t)):
             motions = [self.trajectory.scaled(float(scale)) for scale in batch]
@@ -241,7 +241,7 @@ class _Scan:
 def refined(
     exact: Callable[[Array], Bools], scales: Array, safe: Bools
 ) -> tuple[tuple[float, float], ...]:
-    """Returns the intervals of safe scales with refined edges."""
+    """Returns the intervals of safe time scales, with interval ends refined by more tests."""
     edges = np.flatnonzero(safe[1:] != safe[:-1])
     low, high = scales[edges], scales[edges + 1]
     rising = safe[edges + 1]
@@ -264,7 +264,7 @@ def refined(
 
 
 def fastest_scale(model: Model, trajectory: Trajectory) -> float:
-    """Returns the scale at which the motion reaches the model's limits of validity."""
+    """Returns the time scale at which the motion reaches the model's limits of validity."""
     acceleration, jerk = greatest(trajectory)
     reached = max(
         math.sqrt(acceleration / model.limits.acceleration), (jerk / model.limits.jerk) ** (1 / 3)
@@ -273,7 +273,7 @@ def fastest_scale(model: Model, trajectory: Trajectory) -> float:
 
 
 def slowest_scale(trajectory: Trajectory, fastest: float, bound: float | None) -> float:
-    """Returns the largest time scale to scan: just above the one proven safe, if known.
+    """Returns the largest time scale to scan, just above the bound proven safe if there is one.
 
     Args:
         trajectory: the motion.

@@ -76,7 +76,7 @@ def standing_scales(
 
 
 def _bound(model: Model, standing: Standing, trajectory: Trajectory) -> float:
-    """Returns the scale above which the linear model proves that the container stands."""
+    """Returns the time scale above which the linear model proves that the container stands."""
     masses = StandingMasses.of(model, standing)
     share, heights = masses.modal.max(axis=1) / masses.total, masses.heights.max(axis=1)
     modes = model.mode_constants()

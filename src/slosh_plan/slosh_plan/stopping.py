@@ -79,7 +79,7 @@ class _Moving:
         return self.velocity / self.speed
 
     def law(self, duration: float, bumps: tuple[float, float], t: Array) -> tuple[Array, Array]:
-        """Returns velocity [m/s] and acceleration [m/s²] (N, 3) at times t from now [s]."""
+        """Returns a stop's velocity [m/s] and acceleration [m/s²] (N, 3) at times from now [s]."""
         u = t / duration
         rest, half = 1.0 - u, 1.0 - 2.0 * u
         early, late = bumps
@@ -184,7 +184,7 @@ def _durations(moving: _Moving, limits: PlanLimits) -> Iterator[float]:
 
 
 def _allowed(moving: _Moving, duration: float, limits: PlanLimits) -> list[tuple[float, float]]:
-    """Returns those parameter pairs of a stop that respect acceleration and jerk limits."""
+    """Returns those shape parameters of a stop that keep the acceleration and jerk limits."""
     t = np.linspace(0.0, duration, TUNING.stop_rows)
     plain, early, late = (
         moving.law(duration, pair, t) for pair in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
@@ -240,7 +240,7 @@ def _heights(
 
 
 def _excess(found: Extremes, limits: PlanLimits) -> float:
-    """Returns the larger relative excess over peak and residual limit; at most 0 if none."""
+    """Returns the larger relative excess of peak and residual height over their limits."""
     return max(found.peak / limits.height, found.residual / limits.residual) - 1.0
 
 

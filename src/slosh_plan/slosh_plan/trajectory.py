@@ -301,7 +301,7 @@ def _check_sizes(trajectory: Trajectory) -> None:
 
 
 def dense(t: Array, spacing: float) -> Array:
-    """Returns times with more times inserted where the spacing is too large.
+    """Inserts further sample times where given times are more than `spacing` apart [s].
 
     >>> dense(np.array([0.0, 0.5, 1.5]), spacing=0.5).tolist()  # s
     [0.0, 0.5, 1.0, 1.5]

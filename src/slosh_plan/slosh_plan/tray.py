@@ -50,7 +50,7 @@ class TrayPrediction(NamedTuple):
 
     @property
     def falling(self) -> str:
-        """Describes containers that slide, tip or lift off; empty if all of them stand."""
+        """Describes the containers that slide, tip or lift off; empty if there are none."""
         pairs = zip(self.standing.values(), self.loose_words, strict=True)
         return "; ".join(words for use, words in pairs if not use.stands)
 
@@ -70,7 +70,7 @@ class TrayPrediction(NamedTuple):
 
 
 def limits_of(one: TrayContainer, limits: L) -> L:
-    """Returns the limits of a container, lowered to its own height limit."""
+    """Returns the motion's height limits, lowered to the container's own height limit."""
     if not one.limit < limits.height:
         return limits
     share = one.limit / limits.height if math.isfinite(limits.height) else 1.0
@@ -202,7 +202,7 @@ def tray_scales(
 
 
 def _open(scales: SafeScales, slowest: float) -> list[tuple[float, float]]:
-    """Returns the safe intervals of time scales; the last one is extended to `slowest`."""
+    """Returns the safe intervals of time scales, the last one extended to `slowest` if open."""
     return [(a, slowest if b == scales.slowest else b) for a, b in scales.intervals]
 
 

@@ -10,7 +10,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class PlanTuning:
-    """Assumptions of the search, the sampling and the checks of motions.
+    """Tuning constants of the search for motions, and of sampling and checking them.
 
     Checked by `validation/studies/plan_tables.py` and `validation/studies/joint_plan_tables.py`:
     times against the known laws, and no limit exceeded.

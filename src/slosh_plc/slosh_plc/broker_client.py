@@ -150,7 +150,7 @@ class BrokerClient(ABC):
 
     @abstractmethod
     async def last_words(self, client: Any) -> None:
-        """Publishes that the cell is lost before a disconnect, since no last will is sent then."""
+        """Publishes values of bad quality before a disconnect, since no last will is sent then."""
 
     async def start(self, state: State) -> None:
         """Starts to connect; an unreachable broker raises no error.
@@ -177,7 +177,7 @@ class BrokerClient(ABC):
         return await self._newest.get()
 
     async def stop(self) -> None:
-        """Publishes that the cell is lost, and disconnects."""
+        """Publishes that the cell's values are no longer valid, and disconnects."""
         if self._task is not None:
             self._task.cancel()
             with contextlib.suppress(asyncio.CancelledError):

@@ -70,7 +70,7 @@ def create(
 
 
 def trust(folder: Path, path: Path) -> Certificate:
-    """Adds a client's certificate to the trusted ones; does nothing if it is already trusted.
+    """Adds a client's certificate to the trusted certificates, unless it is already trusted.
 
     Args:
         folder: of the server's certificate.

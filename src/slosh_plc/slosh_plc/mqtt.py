@@ -56,7 +56,7 @@ class MqttPublisher(BrokerClient):
         return f"topic {self.topic}"
 
     def will(self) -> Message:
-        """Returns the retained document of a lost cell, as MQTT last will."""
+        """Returns the JSON document of a cell without valid values, as retained MQTT last will."""
         return Message(self.topic, self._document(lost_state()), True)
 
     async def session(self, client: Any) -> None:
@@ -66,7 +66,7 @@ class MqttPublisher(BrokerClient):
             await client.publish(self.topic, data, retain=True)
 
     async def last_words(self, client: Any) -> None:
-        """Publishes the document of a lost cell before a disconnect."""
+        """Publishes the JSON document of a cell without valid values before a disconnect."""
         await client.publish(self.topic, self._document(lost_state()), qos=1, retain=True)
 
     def _document(self, state: CellState) -> bytes:

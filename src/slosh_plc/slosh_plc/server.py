@@ -41,7 +41,7 @@ class Server(Protocol):
         """Passes a new cell state to the server; called every TUNING.period."""
 
     async def stop(self) -> None:
-        """Stops the server; retained values then say that the cell is lost."""
+        """Stops the server; values retained by a broker are then marked as no longer valid."""
 
     def health(self) -> ServerHealth:
         """Returns whether the server works; may be called from any thread."""

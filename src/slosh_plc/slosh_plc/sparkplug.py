@@ -37,7 +37,7 @@ NUMBERS: Final = 256
 
 
 class SparkplugNode(BrokerClient):
-    """Sparkplug B edge node of a cell; it reconnects when the broker is lost.
+    """Sparkplug B edge node of a cell; reconnects when the connection to the broker is lost.
 
     Args:
         settings: of the broker.
@@ -142,7 +142,7 @@ class SparkplugNode(BrokerClient):
 
 
 def values_of(state: CellState) -> dict[str, Value]:
-    """Returns a state's values by name; those of a lost cell have the quality STALE."""
+    """Returns a cell state's values by name; STALE if the cell's messages have stopped."""
     found = {}
     for name, (value, quality) in state.readings().items():
         known = QUALITIES[quality]

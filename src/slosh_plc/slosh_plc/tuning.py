@@ -9,7 +9,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class PlcTuning:
-    """Time constants of the servers; a lost cell is reported within a second."""
+    """Time constants of the servers, which report within 1 s that a cell's messages stopped."""
 
     silence: float = number(0.75, "s", "time without a message after which its values are bad")
     period: float = number(0.1, "s", "time between two updates of OPC UA and MQTT")

@@ -97,7 +97,7 @@ def settings_document(starts: Starts) -> str:
 
 
 def topic_of(start: NodeStart | None, name: str) -> str:
-    """Returns the full name of a node's topic, or the given name if it is unknown."""
+    """Returns the full name of a node's topic; the relative name if the full one is unknown."""
     return start.topics.get(name, name) if start else name
 
 

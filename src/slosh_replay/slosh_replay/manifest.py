@@ -51,7 +51,7 @@ _KEYS = (
 
 @dataclass(frozen=True, slots=True)
 class ExpectedNumber:
-    """An expected number of a replay, with its tolerance."""
+    """A number that a replay is expected to give, with its tolerance."""
 
     value: float
     tolerance: float
@@ -203,7 +203,7 @@ def _event_document(event: ExpectedEvent) -> dict[str, Any]:
 
 
 def _pair(value: ExpectedNumber) -> dict[str, float]:
-    """Returns value and tolerance, with the value rounded to a hundredth of the tolerance."""
+    """Returns expected value and tolerance; rounds the value to a hundredth of the tolerance."""
     if value.tolerance == 0.0:
         return {"value": value.value, "tolerance": 0.0}
     digits = 2 - math.floor(math.log10(value.tolerance))

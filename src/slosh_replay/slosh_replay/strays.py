@@ -69,7 +69,7 @@ class StrayFilter:
 
 
 def strays_ahead(stamps: Integers, gap: int, before: int | None = None) -> NDArray[np.bool_]:
-    """Returns a mask of stamps far ahead of neighbours that continue without them.
+    """Returns a mask of stamps far ahead of both neighbours, between which there is no gap.
 
     Args:
         stamps: (N,) in the order in which they came [ns].

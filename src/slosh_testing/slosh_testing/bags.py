@@ -1,4 +1,4 @@
-"""Writes small bags of Header messages, with the product's writer and another one."""
+"""Writes small bags of Header messages with slosh_bag or with the library mcap."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SECOND, STEP = 1_000_000_000, 10_000_000
 
 
 def header(number: int, frame: str | None = None) -> bytes:
-    """Returns a serialised Header message whose stamp is its number [s]."""
+    """Returns a serialised Header message whose stamp is a given number of seconds."""
     stamp = STORE.types["builtin_interfaces/msg/Time"](sec=number, nanosec=7)
     frame = f"frame {number}" if frame is None else frame
     return bytes(STORE.serialize_cdr(STORE.types[HEADER](stamp=stamp, frame_id=frame), HEADER))

@@ -32,7 +32,7 @@ class CellBag:
         self._entries: list[tuple[int, str, str, bytes]] = []
 
     def put(self, topic: str, kind: str, stamp: int, frame: str, **fields: Any) -> None:
-        """Adds a message; `pose__position__x` sets a nested field."""
+        """Adds a message with field values; `pose__position__x` sets the nested field's value."""
         self._definitions.hash(kind)
         message = self._blank(kind)
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)

@@ -51,7 +51,7 @@ WHERE = (
 
 
 def example_inputs() -> Inputs:
-    """Returns a container motion of 2 s with some yaw, followed by rest."""
+    """Returns a container motion of 2 s with some yaw, followed by 4 s at rest."""
     t = np.arange(0.0, 6.0, 0.002)
     shape = np.where(t < 2.0, np.sin(np.pi * t / 2.0) ** 2, 0.0)
     acceleration = np.column_stack([3.0 * shape * np.sin(9.0 * t), 2.0 * shape, shape * np.cos(t)])
@@ -74,7 +74,7 @@ def example_motion(name: str, seed: int, *, azimuths: int = 0) -> MeasuredMotion
 def example_motion_finding(
     name: str, role: Role, seed: int, *, azimuths: int = 0
 ) -> MotionFinding:
-    """Returns a motion whose base model is wrong by a quarter; the found model is right."""
+    """Returns a motion whose base model is 25 % too high and whose found model is exact."""
     motion = example_motion(name, seed, azimuths=azimuths)
     truth = np.abs(_wave(1.0))[:, None]
     if motion.eta_azimuth is not None:

@@ -114,7 +114,7 @@ class SimulatedSensor:
         return t, motion
 
     def _rung(self, motion: Array) -> Array:
-        """Returns the vibration (N, 3) that a compliant robot arm adds to a motion."""
+        """Returns the vibration (N, 3) [m/s²] of a compliant arm excited by accelerations."""
         omega, damping = math.tau * self.arm, 0.05
         step = 1.0 / FINE
         pole = np.exp((-damping + 1j * math.sqrt(1.0 - damping**2)) * omega * step)

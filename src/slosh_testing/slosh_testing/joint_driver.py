@@ -17,7 +17,7 @@ PLAYED, INTERVAL, STROKE = 12.0, 0.004, 6.0  # s
 
 
 def play_joints(last: str) -> None:
-    """Publishes joint states: rest until a subscriber exists, then several seconds of motion.
+    """Publishes joint states: standstill until a subscriber exists, then seconds of motion.
 
     Args:
         last: is printed when the motion is over.

@@ -62,7 +62,7 @@ TYPES = {
 
 
 def motion(seconds: float = 3.0) -> tuple[np.ndarray, np.ndarray]:
-    """Returns stamps [ns] at 500 Hz and accelerations (N, 3) of a motion between rests."""
+    """Returns stamps [ns] at 500 Hz and accelerations (N, 3) of a motion from rest to rest."""
     t = np.arange(0.0, seconds + 2.0, 0.002)
     swell = np.where((t > 1.0) & (t < 1.0 + seconds), np.sin(np.pi * (t - 1.0) / seconds) ** 2, 0)
     waves = np.column_stack(

@@ -1,4 +1,4 @@
-"""Publishes an acceleration along x at a rate until killed: TOPIC RATE VALUE [SKIP].
+"""Publishes accelerations along x until killed; arguments: TOPIC RATE VALUE [SKIP].
 
 SKIP messages are published on another topic's worth of numbers first: the publisher has run for
 some time before anybody listens.

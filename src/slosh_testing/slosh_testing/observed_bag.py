@@ -14,7 +14,7 @@ BEGIN_NS = int(datetime(2026, 1, 30, 12, tzinfo=UTC).timestamp()) * 10**9
 
 
 def observed(folder, others):
-    """Writes a bag with estimates of one push that lasts 1 s, then rest, and given messages.
+    """Writes a bag with estimates of one push of 1 s, then rest, and the given other messages.
 
     Args:
         folder: of the bag.

@@ -100,7 +100,7 @@ def distance(point, places):
 
 
 def check_motion(motion, points, limits):
-    """Checks that a planned motion rests at its ends, and keeps its limits and waypoints."""
+    """Checks that a planned motion is at rest at both ends and keeps its limits and waypoints."""
     assert np.allclose(np.diff(motion.t), 1e-3, atol=1e-12)
     assert np.linalg.norm(motion.acceleration, axis=1).max() <= limits.acceleration * (1.0 + 1e-9)
     steps = np.linalg.norm(np.diff(motion.acceleration, axis=0), axis=1)

@@ -33,7 +33,7 @@ def free_port() -> int:
 
 
 class Broker:
-    """A Mosquitto process; use it as a context manager, as often as needed.
+    """A Mosquitto process; a context manager that can be entered repeatedly.
 
     Args:
         folder: for its configuration.
@@ -94,5 +94,5 @@ class ServedCell:
             thread.stop()
 
     def lose(self) -> None:
-        """Changes the served state to that of a lost connection to the cell."""
+        """Changes the served state to that of a cell whose messages have stopped."""
         self.state = lost_state()

@@ -29,7 +29,7 @@ NAMES = ("2D-L", "3D-L", "2D-NL", "3D-NL")
 
 
 def rows(seed):
-    """Returns results of four models with unrounded numbers."""
+    """Returns example results of four models, random by seed, with unrounded numbers."""
     noise = np.random.default_rng(seed).random((4, 3)) / 3.0
     return tuple(
         ModelRow(name, 2e-3 * a, b - 0.2, 3e-3 * c, 3.2 + a, 600 + seed)

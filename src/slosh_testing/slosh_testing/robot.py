@@ -80,7 +80,7 @@ class RobotNode:
         self._due = dict.fromkeys(("sample", "image"), time.monotonic())
 
     def listen(self) -> None:
-        """Subscribes to the topics of the nodes."""
+        """Subscribes to the topics of the nodes under test."""
         hear = self.node.create_subscription
         hear(SloshEstimate, topics.ESTIMATE, self.estimates.append, qos.STREAM_IN)
         hear(SloshComparison, topics.COMPARISON, self.comparisons.append, qos.STREAM_IN)

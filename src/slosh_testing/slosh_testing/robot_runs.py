@@ -35,7 +35,7 @@ NOISE, OUTLIER = 0.25e-3, 6e-3
 
 
 def truth() -> Model:
-    """Returns the model that generated the data, including the arc that the cameras see."""
+    """Returns the model that generated the data, with the wall's arc that the cameras see."""
     liquid = CUP.spatial().nonlinear().with_effect("second_mode", damping_ratio=0.02)
     return liquid.with_effect("quadratic_damping", beta=0.02).with_effect(
         "visible_arc", centre=0.5, width=4.4

@@ -87,7 +87,7 @@ class Setup:
 
 @dataclass(frozen=True)
 class Liquid:
-    """The free surface: z = level + slope x + modes, whose amplitudes are at the left wall."""
+    """Free surface z = level + slope x + modes; modal amplitudes are heights at the left wall."""
 
     level: float = 0.0
     slope: float = 0.0
@@ -178,7 +178,7 @@ def still(setup: Setup, look: Look = Look()) -> Image:
 
 
 def _part(above: FloatArray, size: FloatArray) -> FloatArray:
-    """Returns the fraction of each sub-pixel below a line, given its distance from the middle."""
+    """Returns what fraction of a sub-pixel is below a line, by the line's height at its centre."""
     return np.clip(above / size + 0.5, 0.0, 1.0)
 
 
@@ -188,7 +188,7 @@ def _greys(look: Look) -> tuple[Grey, ...]:
 
 @lru_cache(maxsize=8)
 def _places(setup: Setup) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Returns where each sub-pixel's ray meets the inner front face (x, z), and its slopes."""
+    """Returns where sub-pixels' rays meet the inner front face (x, z), and the rays' slopes."""
     at = (np.arange(SUPERSAMPLES * setup.columns) + 0.5) / SUPERSAMPLES - 0.5
     down = (np.arange(SUPERSAMPLES * setup.rows) + 0.5) / SUPERSAMPLES - 0.5
     u, v = np.meshgrid(at, down)

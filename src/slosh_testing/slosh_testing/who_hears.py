@@ -1,4 +1,4 @@
-"""Counts received estimates and calls reset, in a process with its own network.
+"""Counts received estimates and calls the reset service, in its own network namespace.
 
     python -m slosh_testing.who_hears robot|stranger SECONDS
 

@@ -188,7 +188,7 @@ class BlackBox:
                 self._go_on(self._open)
 
     def look(self, now_ns: int) -> None:
-        """Sets the time [ns], by the messages' clock; ends the open bag if its time is over."""
+        """Sets the time [ns], by the messages' clock; ends the open bag after its time range."""
         if self._log_ns is None or self._log_ns - now_ns > SET_BACK_NS:
             self._log_ns = now_ns
         self._now_ns += max(now_ns - self._log_ns, 0)
@@ -276,7 +276,7 @@ class BlackBox:
         return bag
 
     def _go_on(self, full: _Open) -> None:
-        """Ends a bag that has reached its maximum size and continues in another one."""
+        """Ends a bag that has reached its maximum size and continues in a new bag."""
         *_, last = full.happenings
         until_ns = full.until_ns
         self.continued += 1

@@ -138,7 +138,7 @@ class EventRecorder:
 
     @property
     def shortage(self) -> str:
-        """Warning, in one line, that the quota is too small for one event; empty if it is not."""
+        """Warning, in one line, if the disk quota is too small for one event; otherwise empty."""
         if not (self._is_bounded and self.box.continued):
             return ""
         return (

@@ -63,7 +63,7 @@ class BagContents:
 
 
 def bag_contents(path: Path) -> BagContents:
-    """Returns a bag's contents; for an unfinished or truncated file those of the readable part.
+    """Returns a bag's contents; of an unfinished or truncated file, only of its readable part.
 
     Args:
         path: a folder with MCAP files, or one MCAP file.
@@ -79,7 +79,7 @@ def bag_contents(path: Path) -> BagContents:
 
 
 def _add_summary(contents: BagContents, file: Path) -> bool:
-    """Adds the topics and counts of a file's summary to a list; returns False if unreliable."""
+    """Adds topics and counts of a file's summary to a list; False if the summary is unreliable."""
     with file.open("rb") as stream:
         found = read_summary(stream, file.stat().st_size)
         if found is None or not found.trusted:

@@ -97,7 +97,7 @@ def export_targets(
 
 
 def _file_stem(topic: str) -> str:
-    """Converts a topic name to a file name: slashes become dots, others as in `%2e`."""
+    """Converts a topic name to a file name: slash to dot, other special characters to `%2e`."""
     inner = _NO_TOPIC.sub(lambda found: f"%{ord(found[0]):02x}", topic.strip("/"))
     return inner.replace("/", ".")
 

@@ -44,7 +44,7 @@ class RosbagImport(NamedTuple):
 
 
 class _Route(NamedTuple):
-    """Target topic, message type and conversion for the messages of one connection."""
+    """Target topic, message type and conversion for the messages of one source connection."""
 
     topic: str
     message_type: str
@@ -182,7 +182,7 @@ def _opened(source: Path) -> Iterator[Any]:
 
 
 def _guarded(source: Path, messages: Iterator[Any]) -> Iterator[Any]:
-    """Yields the messages; converts the library's exceptions for damaged data to SloshBagError."""
+    """Yields the messages; converts rosbags' exceptions for damaged data to SloshBagError."""
     while True:
         try:
             message = next(messages)

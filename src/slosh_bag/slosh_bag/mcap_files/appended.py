@@ -55,7 +55,7 @@ def _has_messages(content: bytes) -> bool:
 
 
 def check_message_index(content: bytes) -> None:
-    """Raises an error if a message index does not fill its record, whose rest may hide a chunk.
+    """Raises an error if a message index exceeds its record, or if a chunk follows it there.
 
     Raises:
         DamageError: it does not fit.

@@ -77,7 +77,7 @@ def _opened(path: Path, records: list[dict[str, str]]) -> dict[str, str]:
 
 
 def _is_whole(path: Path, summary_start: int) -> bool:
-    """Verifies the checksum of a file's data section; returns False if it has none.
+    """Verifies the checksum of a file's data section; False if the file has no checksum.
 
     Raises:
         SloshBagError: it is wrong.
@@ -94,7 +94,7 @@ def _is_whole(path: Path, summary_start: int) -> bool:
 
 
 def _data_checksum(stream: RecordStream) -> int:
-    """Returns the checksum stored at the end of the data; `stream.crc` is the computed one.
+    """Reads the checksum stored at the end of the data, to compare with the computed one.
 
     Raises:
         DamageError: the data have no end.

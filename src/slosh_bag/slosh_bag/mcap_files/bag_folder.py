@@ -61,7 +61,7 @@ def import_hint(path: Path) -> str:
 
 
 def check_no_other(path: Path) -> None:
-    """Raises an error, with advice, for a file of a known other format.
+    """Raises an error, with advice, for a file of a known format other than MCAP.
 
     Raises:
         SloshBagError: the line says what it is and what to do.
@@ -149,7 +149,7 @@ def _information(noted: Path) -> Any:
 
 
 def _as_noted(folder: Path, files: list[Path], warnings: list[str]) -> list[Path]:
-    """Returns the files in the order of metadata.yaml, if it lists exactly these files."""
+    """Returns the files in the order of metadata.yaml, if that lists exactly the same files."""
     noted = folder / METADATA
     if isinstance(folder, RemotePath) or not noted.is_file():
         return files

@@ -85,7 +85,7 @@ class MessageBlock:
         return self.buffer[start : start + int(self.length[index])].tobytes()
 
     def take(self, rows: Any) -> MessageBlock:
-        """Returns a block that contains only some of the messages.
+        """Returns a block that contains only the messages selected by indices, slice or mask.
 
         Args:
             rows: indexes, a slice or a mask.
@@ -155,7 +155,7 @@ class Chunk:
         return np.frombuffer(self.raw, np.uint8)
 
     def take(self, rows: Any) -> Chunk:
-        """Returns a chunk that contains only some of the messages.
+        """Returns a chunk that contains only the messages selected by indices, slice or mask.
 
         Args:
             rows: indexes, a slice or a mask.

@@ -89,7 +89,7 @@ def _record_at(stream: BinaryIO, position: int) -> tuple[int, int]:
 
 
 def _entries(stream: BinaryIO, start: int, end: int) -> tuple[tuple[ChunkIndex, ...], int]:
-    """Returns the chunks' index entries, and the total length of the other indexed records."""
+    """Returns the summary's chunk index entries, and the length of all other listed records."""
     found, beside = [], 0
     for entry in summary_records(stream, start, end, _ENTRIES):
         if isinstance(entry, ChunkIndex):

@@ -401,7 +401,7 @@ def is_in_order(path: Path) -> bool:
 
 
 def _times(stream: RecordStream) -> tuple[int, int]:
-    """Skips a record and returns its first and last log time, or zeros if it has none."""
+    """Skips a record; returns first and last log time [ns], or zeros if it has no such times."""
     opcode, length = stream.begin()
     if length > stream.left:
         raise CutOffError("a record is cut off")

@@ -70,6 +70,6 @@ class LogTimes:
         return received_ns + (self._shift_before if before_the_step else self._shift)
 
     def in_order(self, time_ns: int) -> int:
-        """Returns the given time, or the previous message's time if that is later [ns]."""
+        """Returns a log time [ns], raised to the previous message's log time if that is later."""
         self._last = max(self._last, time_ns)
         return self._last

@@ -158,7 +158,7 @@ class PlayerThread:
         self._clock_publisher.publish(self._clock)
 
     def _deliver(self) -> None:
-        """Waits until reliable subscribers have acknowledged all messages, then a short time."""
+        """Waits until reliable subscribers have acknowledged all messages, and a moment longer."""
         for warning in dict.fromkeys(self._plan.reader.warnings):
             if warning not in self._plan.warnings:
                 self._warn(warning)

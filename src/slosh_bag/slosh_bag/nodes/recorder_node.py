@@ -257,7 +257,7 @@ class RecorderNode(GuardedNode):
         self.get_logger().info(f"{happening.cause}: {happening.text} ({where})")
 
     def _keep(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Handles the service request to write a bag of the time around now."""
+        """Handles the service request to write a bag of the time before and after the request."""
         if not isinstance(self._core, EventRecorder):
             response.message = f"everything is recorded already: {self._core.path.parent}"
             return response
@@ -365,7 +365,7 @@ class RecorderNode(GuardedNode):
 
 
 def _how_telling(nodes: list[str]) -> tuple[int, int]:
-    """Sort key that ranks lists of publisher nodes by how much is known about them."""
+    """Sort key of publisher name lists: longer ones are greater, then those with known names."""
     return len(nodes), -sum(node.startswith(UNKNOWN) for node in nodes)
 
 

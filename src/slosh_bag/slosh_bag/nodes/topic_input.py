@@ -165,7 +165,7 @@ def matching(offered: Sequence[QoSProfile]) -> QoSProfile:
 def wanted(
     present: QoSProfile, publishers: Sequence[Publisher], known: frozenset[bytes]
 ) -> QoSProfile | None:
-    """Returns the QoS profile for a new subscription, or None if the present one is right.
+    """Returns the QoS profile for a new subscription, or None if the present profile is right.
 
     Publishers that offer less would not be heard; of those that offer more, large messages would
     get lost on the way, or the latched ones of before. A new subscription to latched messages

@@ -1,4 +1,4 @@
-"""Schedules a bag's messages and the /clock messages, with time as an argument.
+"""Schedules a bag's messages and /clock messages without reading any clock.
 
 Bag time is the messages' log time [ns], wall time counts from the start of the playing [ns].
 """

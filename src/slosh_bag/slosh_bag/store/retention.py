@@ -76,7 +76,7 @@ class Retention:
 
 
 class Surplus(NamedTuple):
-    """The bags to delete, and the size that still exceeds the quota without them.
+    """The bags to delete, and by how much the remaining bags still exceed the quota [bytes].
 
     Attributes:
         bags: those to delete, in this order.

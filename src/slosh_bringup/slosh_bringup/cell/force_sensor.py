@@ -20,7 +20,7 @@ STROKE, REST, RATE = "e-9.2", 10.0, 500.0
 
 
 class ForceSensor(NamedTuple):
-    """A simulated force sensor.
+    """A simulated force sensor: its noise, delay, zero, mounting angle and cable force.
 
     Attributes:
         container: mass of the empty container [kg].
@@ -76,7 +76,7 @@ def sensed_force(
 
 
 def calibration_record(model: Model, sensor: ForceSensor, seed: int) -> ForceRecord:
-    """Returns a record of a stroke and a rest, from which the payload can be identified."""
+    """Returns a simulated force record of a stroke and a standstill, to identify the payload."""
     stroke = make_motion(STROKE, RATE)
     count = round(REST * RATE)
     t = np.arange(len(stroke.t) + count) / RATE

@@ -83,11 +83,11 @@ class GovernedOutcome:
         return 1.0 - self.distance / self.commanded if self.commanded > 0.0 else math.nan
 
     def document(self) -> dict[str, float]:
-        """Returns the values as a dictionary for JSON, in SI units."""
+        """Returns the comparison's values as a dictionary for JSON, in SI units."""
         return asdict(self)
 
     def rows(self) -> dict[str, str]:
-        """Returns the values as texts for display, by name."""
+        """Returns the comparison's values as texts for display, by name."""
         reached = f"at most {1e3 * self.highest:.1f} mm of {1e3 * self.limit:g} mm"
         slower = f", {1e2 * self.slower:.0f} % slower than commanded" if self.slower > 0.0 else ""
         found = {
@@ -141,7 +141,7 @@ class GovernedCup:
 
     @property
     def now(self) -> float:
-        """Time since the governor's first step up to which the motion is known [s]."""
+        """Time since the governor's first step up to which the motion is computed [s]."""
         return self._last.t
 
     def move(self, step: GovernedStep) -> list[CupSample]:
@@ -198,7 +198,7 @@ class GovernedCup:
         return here
 
     def at(self, t: float) -> tuple[float, float]:
-        """Returns the wall heights at +x and +y [m] at a time since the first step [s]."""
+        """Returns liquid heights [m] at the wall at +x and +y at a time from the first step."""
         place = bisect.bisect_left(self._t, t, hi=len(self._t) - 1)
         rows = slice(max(place - 1, 0), place + 1)
         x, y = np.transpose(self._heights[rows])

@@ -41,7 +41,7 @@ def load_motion(name: str, rate: float = 1000.0, tell: Tell = warn) -> CellMotio
 
 
 def motion_from_table(name: str, table: MotionTable, rate: float) -> CellMotion:
-    """Resamples a table's motion on a uniform grid that starts at 0.
+    """Resamples a table's motion on a uniform time grid that starts at 0 s.
 
     Accelerations are interpolated linearly, attitudes along the shortest turn. The position is the
     acceleration's integral from rest; an angular velocity that is not given is the attitude's.

@@ -1,4 +1,4 @@
-"""The motions of the paper DL22: paths, acceleration levels and the time law along them.
+"""Container motions of the paper DL22: paths, acceleration levels, and time law along paths.
 
 Planar paths S(σ), σ from 0 to 1 (DL22, Fig. 4): `l` back and forth along y, `e` a figure of eight,
 `c` a circle run twice. The law σ(t) is the modified trapezoid, so that S̈ = S″σ̇² + S′σ̈ starts and
@@ -150,7 +150,7 @@ MOTIONS: Mapping[str, MotionSpec] = MappingProxyType(_catalogue())
 
 
 def make_motion(name: str, rate: float = 1000.0) -> CellMotion:
-    """Makes a motion by name, with rest before and dwell after it.
+    """Makes a motion by name; the container is at rest for a time before and after it.
 
     Args:
         name: one of MOTIONS.
@@ -181,7 +181,7 @@ def _duration(spec: MotionSpec) -> float:
 
 
 def _along(spec: MotionSpec, u: Array, duration: float) -> tuple[Array, Array]:
-    """Returns position [m] and acceleration [m/s²] of the container, (N, 3), at relative times."""
+    """Returns position [m] and acceleration [m/s²], (N, 3), at fractions of the whole duration."""
     law = modified_trapezoid(u)
     x, y = PATHS[spec.path]
     columns = [_chain(path, law, duration) for path in (x, y, _VERTICAL)]

@@ -100,7 +100,7 @@ class CupRenderer:
         self._noise = self._noise_field()
 
     def render(self, sh_x: float, sh_y: float) -> GrayImage:
-        """Renders an image for the given wall heights at the container's +x and +y [m].
+        """Renders an image for liquid heights [m] at the wall at the container's +x and +y.
 
         Returns:
             (height, width) uint8.
@@ -144,7 +144,7 @@ class CupRenderer:
         return np.asarray(cv2.convertScaleAbs(np.maximum(image, 0.0)), np.uint8)
 
     def _above_floor(self, edge: Array) -> Layer:
-        """Returns the fraction of each cup pixel below an edge and above the cup's floor."""
+        """Returns the fraction of each cup pixel between an upper edge and the cup's floor."""
         upper = np.nan_to_num(edge, nan=1e6).astype(np.float32)
         share: Layer = np.clip(self._rows + np.float32(0.5) - upper, 0.0, 1.0)
         share *= self._inside
@@ -253,7 +253,7 @@ class SurfaceEdges:
 
 
 class SurfaceLines:
-    """Projects the free surface of a cup with straight rays, without refraction.
+    """Projects a cup's liquid surface into the image with straight rays, without refraction.
 
     The surface is the first mode's (DL22, eq. (19)), taken over the whole cross-section: from the
     side, a crest inside the cup hides the wall behind it.
@@ -274,7 +274,7 @@ class SurfaceLines:
         self._rise_x, self._rise_y = slope * self._x, slope * self._y
 
     def edges(self, sh_x: float, sh_y: float) -> SurfaceEdges:
-        """Returns image rows [px] of the surface's front line and top edge, for wall heights."""
+        """Returns image rows [px] of the surface's front line and top edge, from heights [m]."""
         cup, height = self._view.cup, float(np.hypot(sh_x, sh_y))
         if cup.taper and height > 0.0:  # as high on the upright wall as its crest is there
             share = float(cup.upright(height)) / height

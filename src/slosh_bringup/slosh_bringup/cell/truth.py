@@ -20,7 +20,7 @@ PUSHED = 0.1
 
 @dataclass(frozen=True, slots=True)
 class TruthLiquid:
-    """Wall heights of the reference liquid during a motion.
+    """Heights of the reference liquid at the container's wall during a motion.
 
     Attributes:
         t: (N,) time [s].
@@ -33,7 +33,7 @@ class TruthLiquid:
     sh_y: Array
 
     def at(self, t: float) -> tuple[float, float]:
-        """Returns the interpolated wall heights at +x and +y at a time [m]."""
+        """Returns the interpolated liquid heights [m] at the wall at +x and +y at a time."""
         # Of two rows alone: for each moment np.interp would copy the whole of a long motion.
         start = max(min(int(np.searchsorted(self.t, t)), len(self.t) - 1) - 1, 0)
         rows = slice(start, start + 2)
@@ -81,7 +81,7 @@ def integrate_truth(model: Model, motion: CellMotion, push: Push | None = None) 
 
 
 def simulated(model: Model, motion: CellMotion, push: Push | None) -> tuple[Inputs, Response]:
-    """Returns the acceleration that drives the liquid, and its response; see `integrate_truth`."""
+    """Returns the acceleration that drives the liquid, and the liquid's simulated response."""
     felt = motion.specific_force() - np.array([0.0, 0.0, GRAVITY])
     if push is not None:
         felt = felt + push.acceleration(motion.t)
@@ -128,5 +128,5 @@ def read_sensors(motion: CellMotion, noise: float, seed: int) -> SensorReadings:
 
 
 def _or_constant(values: Array | None, count: int, value: tuple[float, ...]) -> Array:
-    """Returns the given values, or an array that repeats a constant if they are None."""
+    """Returns `values` (N, K), or `value` (K,) repeated `count` times if `values` is None."""
     return np.broadcast_to(value, (count, len(value))) if values is None else values

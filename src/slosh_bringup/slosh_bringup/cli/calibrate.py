@@ -158,7 +158,7 @@ def _fitted(
 
 
 def _doubt(arguments: argparse.Namespace) -> GivenDeviations:
-    """Returns the standard deviations that the options give; converts percent to fractions."""
+    """Returns standard deviations of focal length, wall and fill height from the options."""
     values = []
     for name, unit in (("focal_error", 0.01), ("wall_error", 1.0), ("fill_error", 1.0)):
         option = f"--{name.replace('_', '-')}"

@@ -1,4 +1,4 @@
-"""The answer of `slosh calibrate`: pose, standard errors and warnings, as text or as JSON."""
+"""Result of `slosh calibrate`: pose, standard errors and warnings, as text or as JSON."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def as_json(
     arguments: argparse.Namespace, fit: StillFit, board: BoardFit | None, assumed: list[str],
     warnings: list[str],
 ) -> str:  # fmt: skip
-    """Returns the answer of `slosh calibrate --json`: one line of JSON, lengths in m."""
+    """Returns the result of `slosh calibrate --json`: one line of JSON, lengths in m."""
     pose = fit.view.pose
     facts = {
         "output": str(arguments.output),
@@ -61,7 +61,7 @@ def as_text(
     arguments: argparse.Namespace, fit: StillFit, board: BoardFit | None, assumed: list[str],
     warnings: list[str],
 ) -> str:  # fmt: skip
-    """Returns the answer of `slosh calibrate` as lines for a terminal: mm, degrees and pixels."""
+    """Returns the result of `slosh calibrate` as lines for a terminal: mm, degrees and pixels."""
     place, error = fit.place, fit.stddev[: len(_NUMBERS)]
     lines = [
         f"{name:9}{scale * value:8.{digits}f} +- {scale * sigma:.{digits}f} {unit}"

@@ -49,7 +49,7 @@ def take_model(arguments: argparse.Namespace) -> None:
 
 
 def _check_radius(arguments: argparse.Namespace, container: Container) -> None:
-    """Raises an error if the radius is really the diameter, or the container has no radius."""
+    """Raises an error if --radius is the model's diameter, or its container is not round."""
     given = arguments.radius
     if given is None:
         return

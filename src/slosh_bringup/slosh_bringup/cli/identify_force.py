@@ -1,4 +1,4 @@
-"""`slosh identify --force`: identifies the first mode and its mass from a measured force."""
+"""`slosh identify --force`: identifies the first sloshing mode from a measured force."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def add_arguments(parser: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Identifies the first mode from the measured force; writes and prints the result."""
+    """Identifies the first sloshing mode from the measured force; writes and prints the result."""
     if len(arguments.data) != 1:
         raise SloshBringupError("--force takes one bag or table")
     if arguments.model is None:

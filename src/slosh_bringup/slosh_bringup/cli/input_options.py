@@ -42,7 +42,7 @@ def add_robot_options(parser: Any) -> None:
 
 
 def wanted_input(arguments: argparse.Namespace) -> WantedInput | None:
-    """Returns the input chosen by the options, or None if no option is given.
+    """Returns the input topic and robot that the options choose, or None if they choose none.
 
     Raises:
         SloshEstimatorError: the robot's description does not fit.
@@ -54,7 +54,7 @@ def wanted_input(arguments: argparse.Namespace) -> WantedInput | None:
 
 
 def wanted_robot(arguments: argparse.Namespace) -> WantedInput | None:
-    """Returns the joint-state input with the robot's description, or None if none is given.
+    """Returns joint-state input with URDF and tool frame, or None if the options give neither.
 
     Raises:
         SloshEstimatorError: the robot's description does not fit.

@@ -144,7 +144,7 @@ def _of_ros(module: str) -> bool:
 
 
 def _command_of(words: Sequence[str]) -> str | None:
-    """Returns the first word that is not an option, or None if there is none."""
+    """Returns the first command-line word that is not an option, or None if there is none."""
     return next((word for word in words if not word.startswith("-")), None)
 
 
@@ -229,7 +229,7 @@ def _reason(error: OSError) -> str:
 
 
 def is_own(error: ValueError) -> bool:
-    """Whether a ValueError comes from slosh's own packages; any other is a programming error."""
+    """Whether a ValueError comes from slosh's packages rather than from a programming error."""
     return type(error).__module__.startswith("slosh_")
 
 

@@ -1,4 +1,4 @@
-"""`slosh modes`: lists natural frequencies, damping, masses and heights of a container."""
+"""`slosh modes`: lists frequency, damping, mass and mass height of a container's modes."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints the modes and writes the requested picture and model file."""
+    """Prints a container's sloshing modes and writes the requested picture and model file."""
     check_apart([arguments.output, arguments.plot], [arguments.model])
     if not 1 <= arguments.count <= MAXIMUM_MODE:
         raise SloshBringupError(f"--count {arguments.count}: must be 1 … {MAXIMUM_MODE}")

@@ -1,4 +1,4 @@
-"""`slosh motion`: generates the step-by-step motion of a machine as a motion table."""
+"""`slosh motion`: generates a machine's cyclic motion (stroke and dwell) as a motion table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`slosh plan`: finds the fastest motion along a path that keeps the liquid below a limit."""
+"""`slosh plan`: finds the fastest motion along a path that keeps the liquid below a height."""
 
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def plan_limits(arguments: argparse.Namespace, model: Model) -> PlanLimits:
-    """Returns the limits that the planned motion must satisfy."""
+    """Returns the limits of liquid height, motion and container tilt from the options."""
     limit, distance = arguments.limit, arguments.rim_distance
     if limit is None:
         if distance == 0.0:
@@ -195,7 +195,7 @@ def plan_limits(arguments: argparse.Namespace, model: Model) -> PlanLimits:
 
 
 def model_error(arguments: argparse.Namespace, model: str) -> ModelError | None:
-    """Returns the model error to subtract from the limits, or None if none is given."""
+    """Returns the model error to subtract from the height limits, or None if none is given."""
     given = arguments.sigma, arguments.epsilon
     if arguments.error:
         if given != (None, None):

@@ -49,7 +49,7 @@ def facts(planned: TrayPlan, borne: Tolerance) -> dict[str, object]:
 
 
 def plan_facts(answer: Plan, borne: Tolerance) -> dict[str, object]:
-    """Returns a plan's results as a dictionary, without those of a tray and likely models."""
+    """Returns a plan's results as a dictionary, without results for a tray or likely models."""
     found, scaled = answer.found, answer.scaled
     return {
         "duration": found.motion.duration,
@@ -181,7 +181,7 @@ def interval(answer: Plan) -> str:
 
 
 def tolerance(borne: Tolerance) -> str:
-    """Describes how large a natural-frequency error would make the plan exceed its limit."""
+    """Describes how large a natural-frequency error would make heights exceed their limit."""
     usual = f"with a frequency {100.0 * USUAL:g} % off up to {1e3 * borne.peak:.2f} mm"
     after = f"after the end {1e3 * borne.residual:.2f} mm"
     if borne.error == 0.0:

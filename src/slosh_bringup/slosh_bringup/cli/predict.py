@@ -134,7 +134,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Predicts the motions and prints the results; returns 1 if a limit is exceeded."""
+    """Predicts the motions and prints the results; returns 1 if a height limit is exceeded."""
     if not arguments.trajectories and arguments.gantry is None:
         raise SloshBringupError(MISSING)
     outputs = [arguments.output, arguments.plot, arguments.page]
@@ -181,7 +181,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _gantry(arguments: argparse.Namespace, tray: Tray, limits: HeightLimits) -> int:
-    """Prints safe accelerations for a machine whose strokes are not known in advance."""
+    """Prints safe accelerations for a machine with axes whose strokes are not known in advance."""
     if arguments.trajectories or tray.is_tray:
         raise SloshBringupError("--gantry: needs the model of one container, and no TRAJECTORY")
     if arguments.output or arguments.plot or arguments.page:
@@ -259,7 +259,7 @@ def as_text(
     scales: Sequence[SafeScales | None],
     tray: Sequence[TrayPrediction] | None = None,
 ) -> str:
-    """Formats the predictions as a text table; for a tray, only its worst container."""
+    """Formats the predictions as a text table; of a tray, the container nearest to its limit."""
     rows = [list(HEADING)]
     for place, (one, scale) in enumerate(zip(found, scales, strict=True)):
         remarks = [*_of_tray(tray[place])] if tray else []
@@ -282,7 +282,7 @@ def as_text(
 
 
 def _of_tray(each: TrayPrediction) -> Iterator[str]:
-    """Yields text lines with a tray's worst container and the heights in its other containers."""
+    """Yields lines on a tray's container nearest to its limit and on its other containers."""
     others = ", ".join(
         f"{name} {1e3 * one.nonlinear.peak:.1f} mm"
         for name, one in each.containers.items()

@@ -90,7 +90,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Replays the bags; reports a bag that fails and continues with the others."""
+    """Replays the bags; reports a bag that fails and continues with the other bags."""
     stated = find_bags(arguments.bags, arguments.output)
     if arguments.model:
         read_model(arguments.model)  # a mistake in it is told once, not once per bag
@@ -162,7 +162,7 @@ def check_outputs(stated: Sequence[StatedBag], tasks: Sequence[Task], junit: Pat
 def replay_all(
     tasks: Sequence[Task], arguments: argparse.Namespace
 ) -> list[ItemOutcome[Task, Replayed]]:
-    """Runs the replay tasks and returns their outcomes in the same order."""
+    """Runs the replay tasks and returns their outcomes in the order of the tasks."""
     outcomes: list[ItemOutcome[Task, Replayed]] = []
     division = work_of([task.bag for task in tasks], arguments)
     work = map_files(replay_task, tasks, **division._asdict())
@@ -198,7 +198,7 @@ def tell(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
 
 
 def print_tables(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
-    """Prints each bag's result, its MAE and ε by model, and estimates that were not reproduced."""
+    """Prints each bag's results: MAE and peak error ε by model, and estimates not reproduced."""
     rows = [HEADS, *(_row(outcome) for outcome in outcomes)]
     if not any(_passed(outcome) is not None for outcome in outcomes):
         rows = [row[:-1] for row in rows]
@@ -262,7 +262,7 @@ def _write_manifests(
 
 
 def accuracy_lines(results: Sequence[Judged]) -> list[str]:
-    """Formats MAE and ε by bag and model; adds mean values if there are several bags.
+    """Formats MAE and relative peak error ε by bag and model, and mean values for several bags.
 
     Args:
         results: at least one; all with the same models.

@@ -1,4 +1,4 @@
-"""Option that limits the liquid height by its distance to the rim."""
+"""Option that sets how far below the rim the liquid must stay."""
 
 from __future__ import annotations
 

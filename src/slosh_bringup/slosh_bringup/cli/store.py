@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints the stored bags; with --delete, deletes those beyond the limits."""
+    """Prints the stored bags; with --delete, deletes those beyond the limits of size and age."""
     retention = Retention(round(arguments.quota), arguments.days, arguments.event_days)
     now = time.time()
     bags = stored_bags(arguments.runs, now)
@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def as_text(bags: Sequence[StoredBag], found: Surplus, is_deleted: bool) -> str:
-    """Formats the stored bags as a text table that marks those beyond the limits."""
+    """Formats the stored bags as a text table; marks those beyond the limits of size and age."""
     fate = "deleted" if is_deleted else "would be deleted"
     rows = [("written", "MB", "kind", "", "bag")]
     for bag in bags:
@@ -88,7 +88,7 @@ def as_text(bags: Sequence[StoredBag], found: Surplus, is_deleted: bool) -> str:
 
 
 def as_json(bags: Sequence[StoredBag], found: Surplus, is_deleted: bool) -> str:
-    """Formats the stored bags as JSON; times in seconds since 1970, sizes in bytes."""
+    """Formats the stored bags as JSON; times in seconds since 1970 (Unix time), sizes in bytes."""
     rows = [
         {
             "folder": str(bag.folder), "written": bag.written, "size": bag.size,

@@ -38,7 +38,7 @@ _WAITING_PER_PROCESS = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detection:
-    """Calibration and image of the liquid at rest, for all measuring processes.
+    """Camera calibration and image of the liquid at rest, for all measuring processes.
 
     Attributes:
         calibration: camera, container and settings.

@@ -148,7 +148,7 @@ class PictureStrip(PictureSink):
         self._step, self._count = 1, 0
 
     def add(self, result: Result) -> None:
-        """Adds the next image if due: every n-th one; n doubles whenever the sheet is full."""
+        """Adds every n-th image to the sheet; doubles n whenever the sheet is full."""
         if self._count % self._step == 0:
             self._kept.append(result)
         self._count += 1

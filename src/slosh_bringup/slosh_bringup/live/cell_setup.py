@@ -178,7 +178,7 @@ def read_setup(path: Path) -> CellSetup:
 
 
 def _one_of(source: YamlDocument, key: str, known: Sequence[str]) -> str:
-    """Returns a key's value, or an empty text; raises an error for a value that is not known."""
+    """Returns a key's value, or "" without the key; raises an error for a value not in `known`."""
     value = source.value.get(key, "")
     if key in source.value and value not in known:
         raise SloshBringupError(f"{source.at(key)} = {shown(value)} must be {' or '.join(known)}")

@@ -1,4 +1,4 @@
-"""Detects another cell in the same namespace, whose messages would be mixed in.
+"""Detects another cell in this cell's namespace, whose messages would mix with this cell's.
 
 The graph tells: each name of a node that is there once more than this cell has started it. It may
 tell late on a busy machine, and the other cell may come later, so it is asked as long as the cell

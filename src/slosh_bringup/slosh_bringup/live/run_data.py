@@ -1,4 +1,4 @@
-"""Contents of a recorded run: compared heights, exact heights, limit events and latencies."""
+"""Contents of a recorded run: compared and exact heights, exceeded limits and latencies."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ COLUMNS = (*HEIGHTS, *FLAGS)
 
 @dataclass(frozen=True, slots=True)
 class RecordedEvent:
-    """A recorded limit event; see LimitEvent.msg for the fields."""
+    """A recorded event in which a height exceeded its limit; see LimitEvent.msg for the fields."""
 
     stamp_ns: int
     id: int
@@ -47,7 +47,7 @@ class RecordedEvent:
 
 @dataclass(frozen=True, slots=True)
 class RunData:
-    """Heights, events, latencies and losses that one run recorded.
+    """Heights, limit events, latencies and numbers of lost messages of a recorded run.
 
     Attributes:
         run: the recording.
@@ -86,7 +86,7 @@ class RunData:
 
     @property
     def seconds(self) -> Array:
-        """Time (N,) of the compared images since the first of them [s]."""
+        """Times (N,) of the compared images since the first compared image [s]."""
         return np.asarray((self.stamps - self.stamps[:1]) * 1e-9, dtype=np.float64)
 
     def flags(self, side: str) -> NDArray[np.int64]:
@@ -129,7 +129,7 @@ class _Gathered:
 
 
 def read_run(run: RecordedRun) -> RunData:
-    """Reads heights, events, latencies and losses of a run from its bag.
+    """Reads heights, limit events, latencies and numbers of lost messages from a run's bag.
 
     Raises:
         SloshBagError: there is no readable bag.

@@ -20,7 +20,7 @@ from slosh_report.json_values import plain
 
 @dataclass(frozen=True, slots=True)
 class SeriesAgreement:
-    """Metrics of the agreement between one height series and another.
+    """Metrics of the agreement between a series of liquid heights and a reference series.
 
     Attributes:
         name: what is compared with what.
@@ -114,7 +114,7 @@ def evaluate(data: RunData) -> RunResult:
 
 
 def _further(container: str, table: Array) -> tuple[str, Array, Array]:
-    """Returns name, measured and estimated heights of a tray's container other than the first."""
+    """Returns name, measured and estimated heights of a tray's second or later container."""
     of = dict(zip(COLUMNS, table.T, strict=True))
     flags, sound = of["measured_flags"].astype(np.int64), of["estimate_flags"].astype(np.int64)
     measured, model = of["measured"], of["estimated_nonlinear"]

@@ -1,4 +1,4 @@
-"""Restarts nodes of a live run that have ended or hang, while the others continue."""
+"""Restarts nodes of a live run that have ended or hang, while the other nodes continue."""
 
 from __future__ import annotations
 

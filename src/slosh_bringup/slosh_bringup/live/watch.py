@@ -217,7 +217,7 @@ class CellStatus:
                 self._rates[report.node] = float(report.facts[RATES[report.node]])
 
     def take_parameters(self, node: str, parameters: Mapping[str, Any]) -> None:
-        """Stores the limits if the parameters are those of the monitor."""
+        """Stores the height limits from a node's parameters if the node is the monitor."""
         if node == "monitor":
             self._settings = MonitorSettings.from_partial(parameters)
 
@@ -239,7 +239,7 @@ class CellStatus:
         return " · ".join([*words, *rates])
 
     def _limit(self, source: Source) -> str:
-        """Formats the limit in effect for heights of the given source."""
+        """Formats the height limit in effect for a source of heights, such as measured."""
         rim = f" ({self._settings.limit_name(source)})" * self._settings.at_rim(source)
         return f"{_shown(self._settings.limits[source])} mm{rim}"
 

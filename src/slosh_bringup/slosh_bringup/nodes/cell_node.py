@@ -303,7 +303,7 @@ class CellNode(PreparedNode):
         self._latest = play.late
 
     def _heights(self, t: float) -> tuple[float, float]:
-        """Returns the exact wall heights [m] at a time; waits for the governor up to this time."""
+        """Returns exact liquid heights [m] at the wall at a time; waits for a governed motion."""
         play = self._play_governed
         if play is None:
             return self._truth.at(t)

@@ -63,7 +63,7 @@ class GovernedPlay:
 
     @property
     def outcome(self) -> GovernedOutcome:
-        """Comparison of the governed motion and its liquid height with the commands."""
+        """Comparison of the governed with the commanded motion: distance and liquid height."""
         return self.cup.outcome(self._motion, self.limit)
 
     @property
@@ -72,11 +72,11 @@ class GovernedPlay:
         return self._offset + self.cup.now if self.ended else math.inf
 
     def knows(self, t: float) -> bool:
-        """Returns whether the wall heights are known at a time since the start [s]."""
+        """Returns whether the liquid heights are computed for a time since the start [s]."""
         return self.ended or (self._begun_ns > 0 and t <= self._offset + self.cup.now)
 
     def heights(self, t: float) -> tuple[float, float]:
-        """Returns the wall heights at +x and +y [m] at a time since the start [s]."""
+        """Returns liquid heights [m] at the wall at +x and +y, at a time since the start [s]."""
         return self.cup.at(t - self._offset)
 
     def run(

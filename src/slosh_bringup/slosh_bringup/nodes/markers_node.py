@@ -1,4 +1,4 @@
-"""Markers node: the estimated surface and its limit for RViz and Foxglove.
+"""Markers node: the estimated liquid surface and its height limit for RViz and Foxglove.
 
 It looks at the newest messages a few times a second, and computes nothing while nobody listens.
 Of a tray it shows the first container.
@@ -121,7 +121,7 @@ class MarkersNode(PolledNode):
         self._model = model
 
     def _markers(self, estimate: SloshEstimate, mesh: SurfaceMesh) -> MarkerArray:
-        """Creates an estimate's markers, or one that deletes all if the surface is unknown."""
+        """Creates an estimate's markers, or a delete-all marker if the surface is unknown."""
         found = estimate.nonlinear
         heights = mesh.heights(found.sh_x, found.sh_y)
         if self._is_empty or not np.isfinite([found.msh, found.azimuth, *heights]).all():
@@ -137,7 +137,7 @@ class MarkersNode(PolledNode):
         return MarkerArray(markers=[surface, crest, self._ring(estimate, mesh, 0.15 * size)])
 
     def _ring(self, estimate: SloshEstimate, mesh: SurfaceMesh, width: float) -> Marker:
-        """Creates the line along the wall at the limit's height; without a limit it is deleted."""
+        """Creates a line marker along the wall at the height limit; deletes it without a limit."""
         limit = self._limit if math.isnan(self._own_limit) else self._own_limit
         ring = self._marker(estimate, LIMIT, Marker.LINE_STRIP, (width, 0.0, 0.0), 1.0)
         if math.isnan(limit):

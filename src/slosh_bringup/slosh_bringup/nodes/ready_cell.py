@@ -104,7 +104,7 @@ class ReadyCell:
         return ""
 
     def _reading(self, kind: str) -> set[str]:
-        """Returns the names of the nodes that subscribe to the given kind of topics."""
+        """Returns the names of the nodes that subscribe to a kind of topics, such as images."""
         return {
             node_of(info)
             for topic in GROUPS[kind]

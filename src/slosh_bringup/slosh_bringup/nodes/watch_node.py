@@ -144,7 +144,7 @@ class WatchNode(PolledNode):
         self._image = next(take(self._images[0], kind, 1), None)
 
     def _best_images(self) -> tuple[str, Any]:
-        """Returns the compressed image topic, or the raw one if only that has a publisher.
+        """Returns the compressed image topic, or the raw topic if only that has a publisher.
 
         Right after its start a node has heard of no publisher.
         """

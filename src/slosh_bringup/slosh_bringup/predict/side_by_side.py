@@ -65,7 +65,7 @@ class PredictedProfile:
 
     @property
     def highest(self) -> float:
-        """Greatest height [m] that the linear or nonlinear model predicts while it is valid."""
+        """Greatest height [m] of the linear or nonlinear model within its range of validity."""
         heights = np.concatenate((self.linear, self.nonlinear))
         return float(np.max(heights, where=np.isfinite(heights), initial=0.0))
 

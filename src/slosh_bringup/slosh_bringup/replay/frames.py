@@ -64,7 +64,7 @@ def bag_calibration(run: RecordedRun) -> AnyCalibration | None:
 
 
 def bag_pictures(run: RecordedRun, result: ReplayResult) -> tuple[Frame, ...]:
-    """Returns the first image, and those of the largest height and the largest model error.
+    """Returns the first image and the images of largest height and largest model error.
 
     None where the bag holds no images or does not say how its camera looks at the container.
     """

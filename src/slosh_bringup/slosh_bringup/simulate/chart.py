@@ -1,4 +1,4 @@
-"""Draws simulated heights over time with peak, limit and rim, and the motion below."""
+"""Draws simulated heights over time with peak, limit and rim, above a plot of the motion."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ class CellList:
             cell.settings = MonitorSettings.from_partial(parameters)
 
     def take_report(self, name: str, report: NodeReport) -> None:
-        """Stores the port of a known cell's watch page, and the cell's worst container."""
+        """Stores the port of a cell's watch page, and the tray container nearest to its limit."""
         cell = self._cells.get(name)
         if cell is None:
             return

@@ -109,7 +109,7 @@ def hear_event(state: WatchState, message: Any) -> None:
 
 
 def hear_start(state: WatchState, camera: Camera, start: NodeStart) -> None:
-    """Adds a node's settings to the watch page: limits, container or camera calibration."""
+    """Adds a node's settings to the watch page: height limits, container or camera calibration."""
     state.take_parameters(start.node, start.parameters, goes_on=bool(start.changed))
     if start.node == "estimator":
         # Whoever speaks on that topic may say anything.

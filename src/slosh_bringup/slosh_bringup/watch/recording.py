@@ -83,7 +83,7 @@ class RecordedFrames:
         return {**facts, "start": self.start}
 
     def picture(self, frame: int) -> bytes | None:
-        """Returns camera image and header for a watch-page update, or None if it has no image."""
+        """Returns camera image and header for a watch-page update, or None without an image."""
         surface = self._surfaces[frame] if 0 <= frame < len(self._surfaces) else None
         if surface is None:
             return None
@@ -97,7 +97,7 @@ class RecordedFrames:
 
 
 def first_happening(frames: Sequence[str]) -> int:
-    """Returns the index of the image with the first limit event, else the first motion, else 0.
+    """Returns the index of the first update with an exceeded limit, else with motion, else 0.
 
     Args:
         frames: of a recording, as JSON.

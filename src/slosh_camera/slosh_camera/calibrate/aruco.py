@@ -59,7 +59,7 @@ def find_corners(
 def markers_of(
     board: Any, dictionary: Any
 ) -> list[tuple[tuple[float, float], float, NDArray[np.bool_]]]:
-    """Returns the top left corner (x, y), side length [m] and white cells of each marker."""
+    """Returns top left corner (x, y) [m], side length [m] and white cells of each ArUco marker."""
     places = board.getObjPoints() if _is_recent() else board.objPoints
     numbers = np.ravel(board.getIds() if _is_recent() else board.ids)
     draw = _aruco.generateImageMarker if _is_recent() else _aruco.drawMarker

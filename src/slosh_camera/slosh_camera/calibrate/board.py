@@ -106,7 +106,7 @@ def parse_board(text: str) -> Board:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoardFit:
-    """Pose of a board that was detected in an image, with its residual.
+    """Pose of a board that was detected in an image, with its reprojection residual [px].
 
     Attributes:
         pose: transform board -> camera. The board's frame is OpenCV's: origin in its top left
@@ -182,7 +182,7 @@ def _for_opencv(
 def _solved(
     points: FloatArray, corners: FloatArray, matrix: FloatArray, lens: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Returns the better of the two possible poses of a plane, (6,), and its residual [px]."""
+    """Returns the better of two possible poses of a board, (6,), and its residual [px]."""
     try:
         _, turns, shifts, _ = cv2.solvePnPGeneric(
             points, corners, matrix, lens, flags=cv2.SOLVEPNP_IPPE
@@ -214,7 +214,7 @@ def _pose(vector: FloatArray) -> Pose:
 
 
 def hint_of_flat_board(fit: BoardFit, cup: Cup, base_thickness: float) -> Hint:
-    """Returns prior pose information from a board that lies face up beside the container.
+    """Returns the camera's height, pitch and roll from a board that lies face up.
 
     Args:
         fit: where the board is.
@@ -250,7 +250,7 @@ def hint_of_flat_board(fit: BoardFit, cup: Cup, base_thickness: float) -> Hint:
 
 
 def check_hint(hint: Hint, numbers: FloatArray) -> None:
-    """Raises SloshCameraError if the container's fitted pose contradicts the board below it."""
+    """Raises SloshCameraError if the pose fitted to the container contradicts the board's pose."""
     shift = np.abs(numbers - hint.numbers)[[1, 3, 4]]
     if np.any(shift > _CONTRADICTION):
         height, pitch, roll = 1e3 * shift[0], *np.rad2deg(shift[1:])
@@ -261,7 +261,7 @@ def check_hint(hint: Hint, numbers: FloatArray) -> None:
 
 
 def pose_by_board(fit: BoardFit, board_in_container: Pose) -> tuple[Pose, FloatArray]:
-    """Computes the pose of a container from a board whose pose relative to it is known.
+    """Computes the container's pose from a board whose pose in the container frame is known.
 
     Args:
         fit: where the board is.
@@ -287,7 +287,7 @@ def pose_by_board(fit: BoardFit, board_in_container: Pose) -> tuple[Pose, FloatA
 
 
 def _carried(function: Callable[[FloatArray], FloatArray], fit: BoardFit) -> FloatArray:
-    """Propagates the covariance of a board's pose through a function."""
+    """Returns the covariance of a function of a board's pose, by linear propagation."""
     here = function(fit.vector)
     columns = []
     for index in range(6):

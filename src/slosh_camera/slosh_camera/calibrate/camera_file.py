@@ -199,7 +199,7 @@ def _container_block(calibration: AnyCalibration) -> dict[str, Any]:
 
 
 def _view_block(calibration: AnyCalibration) -> dict[str, Any]:
-    """Returns the key `view` of a frustum that is seen through its wall; otherwise empty."""
+    """Returns the file's entry `view` for a frustum seen through its wall; otherwise empty."""
     through = isinstance(calibration, Calibration) and calibration.view.cup.taper
     return {"view": _THROUGH} if through else {}
 
@@ -365,7 +365,7 @@ def _of_cylinder(calibration: AnyCalibration, source: str) -> Calibration:
 
 
 def _built(source: YamlDocument, prefix: str, build: Callable[[], _T]) -> _T:
-    """Constructs an object from a file's entry; adds file name and key to error messages."""
+    """Builds an object from an entry of the calibration file; errors name file and key."""
     try:
         return build()
     except SloshCameraError as error:

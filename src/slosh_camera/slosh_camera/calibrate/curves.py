@@ -72,7 +72,7 @@ class SeenCurve:
 def view_at(
     camera: PinholeCamera, cup: Cup, place: CameraPlace, azimuth: float = AZIMUTH
 ) -> CupView:
-    """Returns the projection model of the container for a camera position."""
+    """Returns the container's projection model for a camera pose and a camera azimuth [rad]."""
     return CupView(camera, pose_of(place, azimuth), cup)
 
 
@@ -101,7 +101,7 @@ def _side_points(view: CupView, curve: Curve, z: FloatArray) -> FloatArray:
 
 
 def sides_of(view: CupView) -> tuple[FloatArray, FloatArray]:
-    """Returns the image points (2,) of the left and right edge at the liquid's level [px]."""
+    """Returns the image points of the container's left and right side at the still level [px]."""
     left, right = (_side_points(view, curve, np.zeros(1))[0] for curve in WETTED)
     return left, right
 
@@ -115,7 +115,7 @@ def width_of(view: CupView) -> float:
 def look_for_curves(
     edges: EdgeImage, view: CupView, reach: float, level_reach: float = np.inf
 ) -> tuple[SeenCurve, ...]:
-    """Detects edges along each visible curve of the container; skips unusable curves.
+    """Detects edges along each visible curve of the container; skips curves it cannot use.
 
     They are looked for so far to both sides, the still level's contact line no farther than
     `level_reach` [px].

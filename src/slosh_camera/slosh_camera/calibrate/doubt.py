@@ -1,4 +1,4 @@
-"""Uncertainty of the given lens and container dimensions, and their estimated corrections."""
+"""Uncertainty of the user's lens and container dimensions, and their estimated corrections."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ QUANTITIES = 3
 
 @dataclass(frozen=True, slots=True)
 class GivenDeviations:
-    """Standard deviations of the given focal length and container dimensions; 0 means exact.
+    """Standard deviations of the user's focal length and container dimensions; 0: exact.
 
     Attributes:
         focal_length: relative.
@@ -37,7 +37,7 @@ class GivenDeviations:
 
     @property
     def open(self) -> NDArray[np.bool_]:
-        """Mask (QUANTITIES,) of the quantities that are uncertain and therefore estimated."""
+        """Mask (QUANTITIES,) of the user's values that are uncertain and so are estimated."""
         return self.stddev > 0.0
 
 
@@ -46,7 +46,7 @@ KNOWN = GivenDeviations()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GivenView:
-    """The given camera and container, with their uncertainties.
+    """The camera and container that the user gave, with their uncertainties.
 
     Attributes:
         camera: the camera.
@@ -59,7 +59,7 @@ class GivenView:
     doubt: GivenDeviations = KNOWN
 
     def off_by(self, change: FloatArray) -> tuple[PinholeCamera, Cup]:
-        """Returns camera and container after adding errors to their given values.
+        """Returns camera and container with corrections added to the values that the user gave.
 
         Args:
             change: (QUANTITIES,) of the focal length's logarithm, the wall's thickness [m] and

@@ -129,7 +129,7 @@ def find_edges(
 
 
 def _slopes(edges: EdgeImage, along: FloatArray) -> FloatArray:
-    """Returns the image derivative along lines of points (N, M, 2); 0 outside the image."""
+    """Returns the image derivative along point rows (N, M, 2) [levels/px]; 0 outside the image."""
     rows, columns = edges.shape
     inside = np.all(np.isfinite(along), axis=2)
     inside &= (along[..., 0] >= 1.0) & (along[..., 0] <= columns - 2.0)

@@ -58,7 +58,7 @@ class Hint:
     level: tuple[float, float] | None = None
 
     def with_distance(self, distance: float, stddev: float) -> Hint:
-        """Returns the prior with a camera distance and its standard deviation [m] added."""
+        """Returns the prior with a camera distance and its standard deviation added, both in m."""
         numbers, spread = self.numbers.copy(), self.stddev.copy()
         numbers[0], spread[0] = distance, stddev
         return replace(self, numbers=numbers, stddev=spread)
@@ -188,7 +188,7 @@ def _clicked(hint: Hint) -> SeenCurve:
 
 
 def _is_certain(view: CupView, seen: SeenCurve) -> bool:
-    """Whether edges are found on enough of a curve; always true for the container's sides."""
+    """Whether edges are found on enough of a curve's length; True for the container's sides."""
     if seen.curve in SIDES:
         return True
     near = np.count_nonzero(np.abs(distances(view, seen)) < TUNING.inlier)
@@ -318,7 +318,7 @@ class _Problem:
 
 
 def _own_errors(view: CupView, seen: SeenCurve) -> FloatArray:
-    """Returns the systematic errors of a curve at its samples [px], one column per error type."""
+    """Returns expected systematic errors of a curve at its samples [px], a column per type."""
     count = len(seen.pixels)
     flat = np.ones((count, 1))
     if seen.curve is Curve.BASE:

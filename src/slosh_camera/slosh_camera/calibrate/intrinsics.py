@@ -118,7 +118,7 @@ def lens_block(camera: PinholeCamera) -> dict[str, Any]:
 
 
 def _placed(source: YamlDocument, error: SloshCameraError) -> SloshCameraError:
-    """Returns a copy of the error whose message starts with file name and key."""
+    """Returns a copy of an error with file name and key at the start of its message."""
     if str(error).startswith(f"{source.source}:"):
         return error
     return SloshCameraError(f"{source.where(str(error).partition(':')[0])}: {error}")

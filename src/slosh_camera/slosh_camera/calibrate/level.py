@@ -54,12 +54,12 @@ class LevelLines:
 
     @property
     def shows(self) -> bool:
-        """Whether the pose's liquid level is clearly visible and no other line could be it."""
+        """Whether the liquid level is clearly visible and no other line could be the level."""
         return self.rival is None and self.own.strength >= TUNING.shows
 
 
 def levels_of(edges: EdgeImage, fit: PlaceFit) -> LevelLines:
-    """Returns the liquid level that a pose predicts, and the strongest alternative line.
+    """Returns the line at a pose's liquid level, and the strongest other line like a level.
 
     Args:
         edges: the image, without distortion.

@@ -171,7 +171,7 @@ def _along(support: NDArray[np.float32], line: UprightLine) -> FloatArray:
 
 
 def _extent(view: CupView, camera: PinholeCamera) -> tuple[float, float]:
-    """Returns the lowest and highest height of the front wall inside the image [m]."""
+    """Returns the lowest and highest height of the front wall that the image shows [m]."""
     distance = float(np.hypot(*view.pose.camera_centre[:2]))
     heights = np.linspace(-TUNING.outline_reach, TUNING.outline_reach, 1201) * distance
     azimuth = view.camera_azimuth
@@ -232,7 +232,7 @@ def _level(edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace) ->
 
 
 def _foremost(one: _Line, lines: list[_Line], reach: float) -> float:
-    """Returns the height of the front contact line [m], even if the rear one is clearer.
+    """Returns the front contact line's height [m], even if the rear contact line is clearer.
 
     From below the nearest line is the highest: the top of the meniscus and not the level.
     """
@@ -245,7 +245,7 @@ def _foremost(one: _Line, lines: list[_Line], reach: float) -> float:
 def _strengths(
     edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Returns features of the wall at each height: line strength, likeness to a liquid level.
+    """Returns for each wall height how much of a line is there and how like a level it looks.
 
     Returns:
         How much of a line is there; how much it looks like the level, where that can be; the same
@@ -289,7 +289,7 @@ def _strengths(
 
 
 def _peaks(strength: FloatArray, heights: FloatArray, apart: float) -> list[int]:
-    """Returns indices of the strongest maxima that are at least a given distance apart."""
+    """Returns indices of the strongest maxima that are at least `apart` away from each other."""
     left, peaks = strength.copy(), []
     while left.max() >= TUNING.least_level:
         peaks.append(int(np.argmax(left)))
@@ -300,7 +300,7 @@ def _peaks(strength: FloatArray, heights: FloatArray, apart: float) -> list[int]
 def _middle(
     strength: FloatArray, heights: FloatArray, middle: float, cup: Cup, place: CameraPlace
 ) -> float:
-    """Returns the mean height of the lines around a height, without the rear contact line [m]."""
+    """Returns the mean height of the edges near a height, without the rear contact line's [m]."""
     rear = float(rear_above(cup, place, middle))
     reach = TUNING.band * cup.radius
     up, down = (TUNING.upwards if rear > 0.0 else TUNING.from_below) * reach, reach

@@ -92,7 +92,7 @@ def _upright(azimuth: float) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Axis:
-    """A container's axis in the camera frame, as a line of unknown extent.
+    """A container's axis in the camera frame, as an infinite line.
 
     Attributes:
         up: (3,) unit vector along the axis.
@@ -115,7 +115,7 @@ class Axis:
         return Axis(c * self.up + s * self.forward, c * self.forward - s * self.up, self.distance)
 
     def place(self, height: float) -> CameraPlace:
-        """Returns the camera's pose parameters for a height above the liquid level [m]."""
+        """Returns the camera's pose parameters for its height above the liquid level [m]."""
         translation = self.distance * self.forward - height * self.up
         return place_of(Pose(self.rotation, translation))[0]
 
@@ -154,7 +154,7 @@ def axis_from_sides(left: FloatArray, right: FloatArray, radius: float) -> Axis 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConeAxis:
-    """The axis of a cone in the camera frame, found from its two sides; its distance is unknown.
+    """Axis of a cone in the camera frame, found from its two sides, without its distance.
 
     Attributes:
         up: (3,) unit vector along the axis.
@@ -171,7 +171,7 @@ class ConeAxis:
         return np.asarray(across / np.linalg.norm(across))
 
     def at(self, away: float, above: float) -> tuple[Axis, float]:
-        """Returns the axis, and the camera's height above the still level [m].
+        """Returns the axis at a distance, and the camera's height above the still level [m].
 
         Args:
             away: of the tip from the camera's centre [m].

@@ -81,7 +81,7 @@ def find_fault(fit: PlaceFit, answer: StillFit, sure: bool, level_shows: bool) -
 
 
 def level_fault(fit: PlaceFit, levels: LevelLines, told: tuple[float, float] | None) -> str:
-    """Returns the reason why the liquid level is uncertain; empty if it is certain or given.
+    """Returns why the liquid level is uncertain; empty if it is certain or the user gave it.
 
     Args:
         fit: of the container's curves.
@@ -115,7 +115,7 @@ def level_fault(fit: PlaceFit, levels: LevelLines, told: tuple[float, float] | N
 
 
 def is_corroborated(fit: PlaceFit) -> bool:
-    """Whether image edges confirm a curve of the container that the fit did not use.
+    """Whether edges confirm curves of the container that were not used in the fit.
 
     A wall of no thickness shows no glass. Where one line of the level is all that is seen, more of
     it must show: two sides and a line are soon found in other things.
@@ -194,7 +194,7 @@ def check_enclosed(best: PlaceFit, fits: list[PlaceFit]) -> None:
 
 
 def _encloses(wide: PlaceFit, narrow: PlaceFit) -> bool:
-    """Whether one fitted container is clearly wider than another and encloses its centre."""
+    """Whether a fitted container is clearly wider than a second one and encloses its centre."""
     outer, inner = (view_at(fit.camera, fit.cup, fit.place) for fit in (wide, narrow))
     if width_of(outer) < TUNING.wider * width_of(inner):
         return False

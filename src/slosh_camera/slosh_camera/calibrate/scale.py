@@ -91,7 +91,7 @@ def calibrate_by_scale(
 
 
 def _checked(distance: float | None, body: RoundBody) -> float:
-    """Checks the camera's distance from a body of revolution; returns the distance [m].
+    """Returns the camera's distance from a body of revolution [m]; an error if it is unusable.
 
     Raises:
         SloshCameraError: it is not known, or too short to see both sides.

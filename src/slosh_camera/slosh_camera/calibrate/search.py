@@ -105,7 +105,7 @@ def _support_maps(edges: EdgeImage) -> _Maps:
 def _axes(
     lines: list[UprightLine], camera: PinholeCamera, cup: Cup, shape: tuple[int, int]
 ) -> list[tuple[Axis, float]]:
-    """Yields the axes that pairs of lines define as container sides, with the distance [px]."""
+    """Returns axes for pairs of lines as container sides, and the lines' distance apart [px]."""
     axes = []
     for left, right in _pairs(lines, shape):
         axis = axis_of_lines(left, right, camera, cup)
@@ -156,7 +156,7 @@ def _best_level(
     width: float,
     level: tuple[float, float] | None,
 ) -> CandidatePlace | None:
-    """Returns the best liquid level on an axis, or the level through a clicked pixel."""
+    """Returns the camera pose with the best liquid level on an axis, or through a click."""
     rows = maps.level.shape[0]
     v = np.arange(0.03 * rows, 0.99 * rows, TUNING.row_step)
     slope = (v - camera.cy) / camera.fy
@@ -182,7 +182,7 @@ def _best_cone(
     sides: tuple[UprightLine, UprightLine],
     level: tuple[float, float] | None,
 ) -> CandidatePlace | None:
-    """Returns the best-supported level on a cone with two given sides; None if there is none."""
+    """Returns the camera pose with the best level on a cone with two known sides; None if none."""
     left, right = sides
     cone = cone_from_sides(_line_rays(left, camera), _line_rays(right, camera), cup.taper)
     if cone is None:
@@ -212,7 +212,7 @@ def _best_cone(
 def height_through(
     camera: PinholeCamera, cup: Cup, axis: Axis, pixel: tuple[float, float]
 ) -> FloatArray:
-    """Returns the camera's height above the level through a pixel, (1,) [m]; empty if none."""
+    """Returns the camera's height above a level through a pixel, (1,) [m]; empty if impossible."""
     (ray,) = camera.rays(np.array([pixel]))
     # As components to the right, away from the camera and up; the origin is on the axis.
     right, away, up = (float(value) for value in ray @ axis.rotation)
@@ -280,7 +280,7 @@ def _pixels(
     radius: ArrayOrFloat,
     z: ArrayOrFloat,
 ) -> FloatArray:
-    """Projects points, given by azimuth, radius and height, for N camera heights [px]."""
+    """Projects points (azimuth, radius, height) into the image for N camera heights [px]."""
     angle, level, across = np.broadcast_arrays(*map(np.atleast_1d, (azimuth, z, radius)))
     points = np.column_stack(
         (across * np.sin(angle), -across * np.cos(angle), np.asarray(level, dtype=np.float64))
@@ -311,7 +311,7 @@ def _mean(values: FloatArray, least: float = 0.3) -> FloatArray:
 
 
 def _distinct(found: list[CandidatePlace], count: int) -> list[CandidatePlace]:
-    """Returns the best initial poses, without those that would converge to a better one."""
+    """Returns the best initial poses, without those whose fit would give the same pose."""
     kept: list[CandidatePlace] = []
     for candidate in found:
         if len(kept) == count:
@@ -325,7 +325,7 @@ def _distinct(found: list[CandidatePlace], count: int) -> list[CandidatePlace]:
 
 
 def _is_one(first: CameraPlace, second: CameraPlace) -> bool:
-    """Whether two camera poses place the container's sides in nearly the same columns."""
+    """Whether two camera poses are nearly equal in distance and yaw."""
     apart = abs(first.distance - second.distance)
     near = apart < TUNING.one_distance * min(first.distance, second.distance)
     return near and abs(first.yaw - second.yaw) < TUNING.one_yaw

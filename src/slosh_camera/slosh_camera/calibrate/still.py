@@ -84,7 +84,7 @@ def calibrate_by_edges(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Task:
-    """An undistorted image and the prior information on its pose."""
+    """An undistorted image, and what is known of its camera pose in advance."""
 
     image: Image
     camera: PinholeCamera
@@ -126,7 +126,7 @@ def _by_outline(task: _Task) -> StillFit | None:
 
 
 def _sound(fit: PlaceFit | None, task: _Task) -> StillFit | None:
-    """Returns the result of a fit at a known liquid level, or None if the fit is faulty."""
+    """Returns the pose and quality of a fit, or None if the fit fails the checks."""
     if fit is None:
         return None
     answer = still_fit(fit, task.camera, task.azimuth)
@@ -134,7 +134,7 @@ def _sound(fit: PlaceFit | None, task: _Task) -> StillFit | None:
 
 
 def _level_moves(view: CupView, other: CupView) -> float:
-    """Returns how far apart two poses place the centre of the front contact line [m]."""
+    """Returns how far apart two poses put the front contact line's centre on the wall [m]."""
     azimuth = view.camera_azimuth
     (here,) = view.project_wall(azimuth, 0.0, Wall.FRONT)
     (there,) = other.project_wall(azimuth, 0.0, Wall.FRONT)
@@ -192,7 +192,7 @@ def _by_edges(task: _Task) -> StillFit:
 def check_pose(
     image: Image, view: CupView, covariance: FloatArray, reach: float = 0.05
 ) -> StillFit:
-    """Rates a pose from another source by the container's edges in the image.
+    """Rates a camera pose found by other means by the container's edges in the image.
 
     Args:
         image: (height, width) grey or (height, width, 3) blue-green-red, liquid at rest.
@@ -267,7 +267,7 @@ def _with_rivals(edges: EdgeImage, task: _Task, fits: list[PlaceFit]) -> list[Pl
 
 
 def _at_level(fit: PlaceFit, height: float) -> list[CameraPlace]:
-    """Returns camera poses for a liquid level that is higher by a distance [m]."""
+    """Returns camera poses for a liquid level that is a given distance higher [m]."""
     place, radius = fit.place, fit.cup.radius
     moved = replace(place, height=place.height - height)
     # The rear line appears on the front wall so much above the contact line.
@@ -297,7 +297,7 @@ def _shrink(camera: PinholeCamera) -> int:
 
 
 def _smaller(task: _Task, shrink: int) -> _Task:
-    """Returns the calibration task for an image with fewer pixels."""
+    """Returns the calibration task for a version of the image with fewer pixels."""
     if shrink == 1:
         return task
     old = task.camera
@@ -344,7 +344,7 @@ def _straight_pixel(pixel: tuple[float, float], camera: PinholeCamera) -> tuple[
 
 
 def _worth_a_fit(rough: list[PlaceFit]) -> list[PlaceFit]:
-    """Returns the candidates for the final fit: the best coarse fits and the nearest container."""
+    """Returns the coarse fits to refine: the best ones and the one with the nearest camera."""
     if not rough:
         return []
     best = rough[: TUNING.fine_fits]

@@ -134,7 +134,7 @@ def _height_stddev(view: CupView, fit: PlaceFit, wall: Wall) -> float:
 
 
 def _doubtful(fit: PlaceFit) -> float:
-    """Returns the factor by which contradictory edges enlarge standard deviations."""
+    """Returns the factor by which contradictory edges enlarge the pose's standard deviations."""
     return float(np.nanmax([fit.tension, fit.rms / TUNING.usual_residual, 1.0]))
 
 

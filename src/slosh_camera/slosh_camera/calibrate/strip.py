@@ -1,4 +1,4 @@
-"""Features of a container's unrolled front wall: lines, colour changes and sides."""
+"""Features of a container's front wall, unrolled to a plane: lines, colour changes and sides."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def lines_across(edges: EdgeImage, strip: Strip) -> FloatArray:
 
 
 def own_lines(edges: EdgeImage, view: CupView, strip: Strip) -> FloatArray:
-    """Returns `lines_across`, reduced where a line continues outside the container."""
+    """Returns `lines_across`, reduced for lines that continue beside the container."""
     return lines_across(edges, strip) * (1.0 - TUNING.behind * beside(edges, view, strip.heights))
 
 
@@ -101,7 +101,7 @@ def slopes_of(strip: Strip) -> FloatArray:
 
 
 def lasting_changes(strip: Strip, cup: Cup, place: CameraPlace) -> FloatArray:
-    """Returns the permanent colour change across each height, (N,) [grey levels]."""
+    """Returns the colour change across each height that lasts beyond it [grey levels]."""
     step = float(strip.heights[1] - strip.heights[0])
     rear = np.maximum(rear_above(cup, place, strip.heights), 0.0) / step
     change = np.full(strip.heights.size, np.inf)
@@ -112,7 +112,7 @@ def lasting_changes(strip: Strip, cup: Cup, place: CameraPlace) -> FloatArray:
 
 
 def beside(edges: EdgeImage, view: CupView, heights: FloatArray) -> FloatArray:
-    """Returns the fraction of a line at each height (N,) that continues outside the container."""
+    """Returns how much of a line at each height (N,) continues beside the container, 0 to 1."""
     outer = view.cup.radius + view.cup.wall_thickness
     across = np.array([-np.sin(view.camera_azimuth), np.cos(view.camera_azimuth)])
     tall = np.ones((4 * TUNING.strip_slack + 1, 1), np.uint8)
@@ -168,7 +168,7 @@ def rear_above(cup: Cup, place: CameraPlace, height: FloatOrArray) -> FloatOrArr
 def walls_below(
     edges: EdgeImage, view: CupView, heights: FloatArray, start: float, depth: float
 ) -> FloatArray:
-    """Returns for each height the visible fraction of both sides within a depth below it."""
+    """Returns which share of both sides is visible within a depth below each height, 0 to 1."""
     step = float(heights[1] - heights[0])
     count = min(max(round(depth / step), 1), _MOST_ROWS)
     z = np.concatenate((heights[0] - step * np.arange(count, 0, -1.0), heights)) - start

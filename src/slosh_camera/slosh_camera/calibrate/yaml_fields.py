@@ -43,13 +43,13 @@ def camera_name(document: YamlDocument) -> str:
 
 
 def place(source: YamlDocument, prefix: str, key: str = "") -> str:
-    """Formats file, line and key of a value, for error messages."""
+    """Returns file, line and key of a YAML value as text, for error messages."""
     above = prefix.rstrip(".").split(".") if prefix else []
     return source.at(*above, *([key] if key else []))
 
 
 def mapping(value: object, source: YamlDocument, key: str) -> Mapping[str, Any]:
-    """Returns the value if it is a mapping, otherwise raises an error."""
+    """Returns a YAML value if it is a mapping, otherwise raises an error."""
     if not isinstance(value, Mapping):
         raise SloshCameraError(f"{place(source, key)}: is not a mapping of keys to values")
     return value
@@ -76,7 +76,7 @@ def check_keys(
 
 
 def number(value: object, source: YamlDocument, key: str) -> float:
-    """Returns the value as a finite number, otherwise raises an error."""
+    """Returns a YAML value as a finite number, otherwise raises an error."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise SloshCameraError(f"{place(source, key)}: {shown(value)} is not a number")
     try:

@@ -1,4 +1,4 @@
-"""Projects colours on one axis, from 0 (liquid behind the front wall) to 1 (background).
+"""Projects colours on an axis in colour space: 0 is liquid at the front wall, 1 background.
 
 Colour images are reduced to the axis along which the two differ most against their scatter
 (Fisher's linear discriminant), so that liquid may be darker, lighter or of another colour. The
@@ -44,7 +44,7 @@ class Tone:
 
     @property
     def contrast(self) -> float:
-        """Largest difference between background and liquid in any channel [grey levels]."""
+        """Largest difference of background and liquid colour in any channel [grey levels]."""
         return float(np.max(np.abs(self.background - self.liquid)))
 
     def reduce(self, picture: Image) -> Single:
@@ -98,7 +98,7 @@ def find_tone(picture: Image, inside: BoolArray, body: slice, above: int) -> Ton
 
 
 def _farthest(samples: Image, middle: FloatArray) -> FloatArray:
-    """Returns the largest deviation of colour samples from a colour in any channel."""
+    """Returns each colour sample's largest deviation from a colour in any channel."""
     away = np.abs(samples - middle)
     return away[:, 0] if middle.size == 1 else np.max(away, axis=1)
 
@@ -124,7 +124,7 @@ def percentile(samples: NDArray[np.uint8], percent: float) -> FloatArray:
 
 
 def _samples(picture: Image, inside: BoolArray, rows: slice) -> Image:
-    """Returns a subset of the colours in some image rows, for statistics."""
+    """Returns a subset of the colour samples in some rows of the unrolled wall, for statistics."""
     part = picture[rows][::_EVERY, ::_EVERY]
     return part[inside[rows][::_EVERY, ::_EVERY]].reshape(
         -1, 1 if picture.ndim == 2 else part.shape[2]

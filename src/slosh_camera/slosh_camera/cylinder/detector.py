@@ -51,7 +51,7 @@ _DOUBT = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Found:
-    """The surface detected in an image, and the flags that limit its validity."""
+    """The surface detected in an image, and the flags on how far it can be trusted."""
 
     view: Unrolled
     fit: SurfaceFit
@@ -204,12 +204,12 @@ class FreeSurfaceDetector:
         return self._measurement(stamp_ns, found)
 
     def _know(self, reference: StillReference) -> None:
-        """Stores the data from the image of the liquid at rest and forgets earlier images."""
+        """Stores the reference data of the liquid at rest and forgets earlier images."""
         self._reference = reference
         self._memory = SurfaceMemory(self._view.cup.radius, self._view.cup.fill_height)
 
     def _learnt_fade(self, found: _Found) -> tuple[_Found, FadeShare]:
-        """Refits the surface; earlier images show how much crests fade into the background."""
+        """Fits the surface again with the fading of wave crests that earlier images showed."""
         fade = self._memory.fade
         if float(np.max(np.abs(found.fit.by_fade))) < TUNING.no_fade:
             return found, fade
@@ -237,7 +237,7 @@ class FreeSurfaceDetector:
         return _Found(view, fit, prior, flags)
 
     def _is_torn(self, steps: Steps, view: Unrolled, fit: SurfaceFit) -> bool:
-        """Whether the image is torn: a seam exists away from the lines of the detected surface."""
+        """Whether the image is torn: a sharp step away from the detected surface's lines."""
         upper = self._wall.silhouette(fit.heights, view.softness)
         rows = self._wall.front_rows(fit.heights), np.where(upper < 0.0, np.nan, upper)
         places = [self._grid.pixel_at(np.isfinite(each), each) for each in rows]
@@ -253,7 +253,7 @@ class FreeSurfaceDetector:
         return on_inclined_wall(upright, self._view.cup, float(self._reference.zero[0]))
 
     def _lower_bound(self, stamp_ns: int, found: _Found) -> Measurement:
-        """Returns a lower bound of the height [m] where the image cuts the surface off."""
+        """Returns a lower bound of the height [m] if the image border cuts the surface off."""
         points = found.fit.points
         cut = points.bound & (self._wall.first_row > 0)
         if Flag.SATURATED not in found.flags or not np.any(cut):

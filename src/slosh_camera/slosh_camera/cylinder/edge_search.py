@@ -157,7 +157,7 @@ def _crossing(line, top, bottom, middle, sign):  # type: ignore[no-untyped-def]
 
 @entry_point(UniTuple(float64[::1], 2)(PICTURE, ROWS, ROWS, ROWS))
 def refine_edges(picture, row, first, last):  # type: ignore[no-untyped-def]
-    """Refines edge positions to sub-row precision along the scan lines.
+    """Refines rows of edges on the scan lines to fractions of a row.
 
     The step is followed from its steepest place as far as it goes, and the levels on either side
     are taken beside it: uneven light does not move it, and blur does not either.
@@ -200,7 +200,7 @@ def refine_edges(picture, row, first, last):  # type: ignore[no-untyped-def]
 
 @compiled
 def fall_above(picture, j, i):  # type: ignore[no-untyped-def]
-    """Returns the grey-level drop of a scan line above a row."""
+    """Returns how much the grey level drops from above a row to below it on a scan line."""
     above = picture[j - 1, i] + picture[j - 2, i]
     below = picture[j, i] + picture[j + 1, i]
     return 0.5 * (above - below)
@@ -208,20 +208,20 @@ def fall_above(picture, j, i):  # type: ignore[no-untyped-def]
 
 @compiled
 def has_stood(step, stationary, j, i):  # type: ignore[no-untyped-def]
-    """Whether the image of the liquid at rest has an equally strong edge above a row."""
+    """Whether the liquid at rest showed an equally strong edge above a row of a scan line."""
     return abs(step) < stationary[0 if step > 0.0 else 1, j, i]
 
 
 @compiled
 def _step(picture, stationary, j, i):  # type: ignore[no-untyped-def]
-    """Returns the grey-level drop above a row, 0 if the image of the liquid at rest has it too."""
+    """Returns the grey-level drop at a row; 0 if the liquid at rest showed it there too."""
     step = fall_above(picture, j, i)
     return 0.0 if has_stood(step, stationary, j, i) else step
 
 
 @compiled
 def _gains(picture, stationary, guess, reach, floor, first, reversed_weight):  # type: ignore[no-untyped-def]
-    """Returns edge slopes (M, 2 reach + 1) near a curve; -inf where edges are excluded."""
+    """Returns edge strengths (M, 2 reach + 1) near a curve; -inf where edges are excluded."""
     rows, lines = picture.shape
     offsets = 2 * reach + 1
     gain = np.full((lines, offsets), -np.inf)
@@ -392,7 +392,7 @@ def surface_score(  # type: ignore[no-untyped-def]
 
 @entry_point(float64[:, ::1](GIVEN_3, GIVEN_1))
 def table_at(table, rows):  # type: ignore[no-untyped-def]
-    """Interpolates a table of points at a fractional row on each scan line."""
+    """Interpolates a table of 3D points at a fractional row (M,) of each scan line."""
     values = np.full((rows.size, 3), np.nan)
     for i in range(rows.size):
         if np.isnan(rows[i]):
@@ -405,7 +405,7 @@ def table_at(table, rows):  # type: ignore[no-untyped-def]
 
 @entry_point(float64[::1](GIVEN_1, int64, int64))
 def between_lines(rows, skip, lines):  # type: ignore[no-untyped-def]
-    """Interpolates rows (lines,) between values that are known on every `skip`th scan line."""
+    """Interpolates rows (lines,) from those of every `skip`th scan line; -1 if undefined."""
     full = np.empty(lines)
     last = rows.size - 1
     for i in range(lines):

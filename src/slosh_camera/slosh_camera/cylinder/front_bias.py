@@ -57,7 +57,7 @@ class FrontBias:
         return cls(zero, np.where(known, offset, 0.0), TUNING.bias_rows * footprint)
 
     def removed(self, points: WallPoints) -> WallPoints:
-        """Subtracts the bias from contact-line points (M,) near the level at rest."""
+        """Subtracts the bias from contact-line points (M,), fully at rest level, less above it."""
         rise = points.height - points.shapes @ self.zero - self.offset
         part = np.exp(-0.5 * np.square(rise / self.holds))
         return replace(points, height=points.height - part * self.offset)

@@ -123,13 +123,13 @@ class FrontLineFinder:
         return Flag.NOT_FOUND
 
     def _rows(self, parts: tuple[float, float]) -> slice:
-        """Returns the rows between two given fractions of the depth below the level at rest."""
+        """Returns the wall rows between two fractions of the depth below the level at rest."""
         below = self._grid.shape[0] - self._grid.still_row
         top, bottom = (self._grid.still_row + int(part * below) for part in parts)
         return slice(top, bottom)
 
     def _believable(self, tone: Tone) -> bool:
-        """Whether liquid and background differ enough, with the sign that the settings give."""
+        """Whether liquid and background differ enough, and the expected one is the lighter."""
         bright = max(float(np.max(tone.liquid)), float(np.max(tone.background)))
         if tone.contrast < self._settings.min_contrast or bright < self._settings.max_dark:
             return False

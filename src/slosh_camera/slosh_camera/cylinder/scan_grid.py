@@ -184,7 +184,7 @@ def _inside(pixels: FloatArray, limits: RegionOfInterest) -> BoolArray:
 
 
 def _usable(inside: BoolArray, still_row: int) -> BoolArray:
-    """Returns which scan lines (M,) show the wall well above and below the level at rest."""
+    """Returns the mask (M,) of scan lines that show enough wall above and below the rest level."""
     if still_row + TUNING.least_below >= len(inside):
         return np.zeros(inside.shape[1], dtype=np.bool_)
     around = inside[max(still_row - TUNING.least_above, 0) : still_row + TUNING.least_below]

@@ -30,7 +30,7 @@ _NEIGHBOURHOOD = TUNING.fade_rows
 
 @compiled
 def _radial(square):  # type: ignore[no-untyped-def]
-    """Returns the radial factors of the surface mode shapes at a squared relative radius ρ²."""
+    """Returns the mode shapes' radial factors at ρ², the squared radius in container radii."""
     place = square * _PER_UNIT
     k = min(int(place), _TABLE.shape[0] - 2)
     part = place - k
@@ -58,7 +58,7 @@ def _shapes(x, y, out):  # type: ignore[no-untyped-def]
 
 @compiled
 def clearance(near, far, part, heights):  # type: ignore[no-untyped-def]
-    """Returns the surface's height above a line of sight at a fraction of its length [m]."""
+    """Returns the surface's height [m] above the point at a fraction of a line of sight."""
     x = near[0] + part * (far[0] - near[0])
     y = near[1] + part * (far[1] - near[1])
     first, second, mean, double = _radial(x * x + y * y)
@@ -71,13 +71,13 @@ def clearance(near, far, part, heights):  # type: ignore[no-untyped-def]
 
 @compiled
 def shapes_on_ray(near, far, part, out):  # type: ignore[no-untyped-def]
-    """Returns the heights of all surface mode shapes at a fraction of a line of sight."""
+    """Computes the heights of all mode shapes at a fraction of a line of sight's length."""
     _shapes(near[0] + part * (far[0] - near[0]), near[1] + part * (far[1] - near[1]), out)
 
 
 @compiled
 def touch(near, far, radius, fade, heights):  # type: ignore[no-untyped-def]
-    """Finds where a line of sight is closest to the surface, or deepest below it.
+    """Finds where a line of sight is closest above the surface, or deepest below the surface.
 
     Args:
         near, far: (3,) ends of the ray: x, y in radii, z [m].

@@ -174,7 +174,7 @@ class StillReferenceFinder:
         return still
 
     def _leans(self, still: StillSurface) -> bool:
-        """Whether the edges alone, without a prior, would give a tilted surface at rest."""
+        """Whether the edges alone, without a prior, give a tilted surface for liquid at rest."""
         prior = replace(self._at_rest, first=TUNING.leaning * self._view.cup.radius)
         fit, _ = self._chooser.fit_still(still.view, still.points, prior)
         return self._chooser.is_suspect(fit)
@@ -200,11 +200,11 @@ class StillReferenceFinder:
         return tone is not None and looks_like_surroundings(image, self._grid.pixels[body], tone)
 
     def _compared(self, prior: Prior, at_rest: float = -np.inf) -> SurfaceComparison:
-        """Creates the object that compares candidate surfaces, given the score at rest."""
+        """Creates the comparison of candidate surfaces, from a prior and the score at rest."""
         return SurfaceComparison(self._chooser, prior, self._wall.footprint, at_rest)
 
     def _compared_with(self, view: Unrolled, prior: Prior) -> SurfaceComparison:
-        """Creates the object that compares candidate surfaces; scores the surface at rest too."""
+        """Creates the comparison of candidate surfaces, and scores the surface at rest for it."""
         return self._compared(prior, self._chooser.plausible_heights(view, prior.centre, prior))
 
     def _bias(self, still: StillSurface) -> FrontBias:

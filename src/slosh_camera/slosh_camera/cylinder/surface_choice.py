@@ -103,7 +103,7 @@ class SurfaceChooser:
     def fit_levels(
         self, view: Unrolled, points: WallPoints, at_rest: Prior, moving: Prior
     ) -> list[tuple[Prior, SurfaceFit, float]]:
-        """Fits surfaces of a changed liquid level, starting from the level that agrees best.
+        """Fits surfaces for a changed liquid level, starting from the best-matching level.
 
         Args:
             view: the picture.
@@ -182,7 +182,7 @@ class SurfaceChooser:
     def _best_level(
         self, view: Unrolled, prior: Prior, among: FloatArray
     ) -> tuple[FloatArray, float]:
-        """Returns the most plausible level surface (SHAPES,) among given levels, and its score."""
+        """Returns the most plausible of several flat surfaces (SHAPES,), and its score."""
         levels = np.tile(prior.centre, (among.size, 1))
         levels[:, 0] += among
         likely = [self.plausible_heights(view, heights, prior) for heights in levels]
@@ -190,7 +190,7 @@ class SurfaceChooser:
         return levels[best], likely[best]
 
     def _without_strays(self, view: Unrolled, fit: SurfaceFit, prior: Prior) -> SurfaceFit:
-        """Fits a level surface again without outliers, such as points on a label."""
+        """Repeats the fit of a level surface without outliers, such as points on a label."""
         known = ~np.isnan(fit.front_error) & ~fit.points.bound
         if not np.any(known):
             return fit
@@ -229,7 +229,7 @@ class SurfaceChooser:
         return np.vstack(starts)
 
     def _most_likely(self, view: Unrolled, starts: FloatArray) -> FloatArray:
-        """Returns the few different initial surfaces that agree best with the image."""
+        """Returns those few clearly different initial surfaces that agree best with the image."""
         scores = np.array([self._score(view, heights) for heights in starts])
         chosen: list[FloatArray] = []
         for index in np.argsort(-scores):

@@ -142,7 +142,7 @@ class SurfaceComparison:
         )
 
     def first(self, fit: SurfaceFit) -> FloatArray:
-        """Returns a surface's first-mode amplitudes relative to rest, (2,) [m]."""
+        """Returns a surface's first-mode amplitudes (2,), relative to liquid at rest [m]."""
         return (fit.heights - self.prior.centre)[1:3]
 
     def _several(
@@ -162,7 +162,7 @@ class SurfaceComparison:
         return (*usual, *changed)
 
     def _more(self, sighting: Sighting, expected: ExpectedMode) -> tuple[CandidateSurface, ...]:
-        """Returns more candidate surfaces if the best one is far from the prediction."""
+        """Adds candidate surfaces near the prediction to those found in the image."""
         candidates = sighting.candidates
         if sighting.certain:
             (sure,) = candidates
@@ -177,7 +177,7 @@ class SurfaceComparison:
         return (*candidates, *foretold)
 
     def _sure(self, view: Unrolled, fit: SurfaceFit) -> CandidateSurface:
-        """Rates a surface that nearly all contact-line points agree with."""
+        """Returns a surface that nearly all contact-line points confirm, with a raised score."""
         return CandidateSurface(
             view, fit, self._chooser.plausible(view, fit, self.prior) + TUNING.certainly
         )
@@ -207,7 +207,7 @@ class SurfaceComparison:
         )  # fmt: skip
 
     def _fullest(self, candidates: tuple[CandidateSurface, ...], agreement: list[float]) -> int:
-        """Returns the index of the best candidate; prefers more agreeing edges among equals.
+        """Returns the index of the best candidate; among similar ones that with the most edges.
 
         A changed level that agrees hardly less, and with far more edges, is preferred to a wave.
         """
@@ -228,7 +228,7 @@ class SurfaceComparison:
         return max(levels, key=lambda k: agreement[k], default=fullest)
 
     def _is_doubtful(self, chosen: CandidateSurface, lead: float) -> bool:
-        """Whether the chosen surface's score exceeds the others by too little to be reliable."""
+        """Whether the chosen surface scores too little above other candidates to be reliable."""
         return lead < TUNING.hardly or chosen.plausible < self._at_rest - TUNING.far_worse
 
     def _others(

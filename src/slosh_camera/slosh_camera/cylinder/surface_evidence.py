@@ -17,7 +17,7 @@ BoolArray = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unrolled:
-    """The unrolled container wall of one image.
+    """The container wall of one image, unrolled to a plane.
 
     Attributes:
         picture: (J, M), liquid 0, background 1.
@@ -43,7 +43,7 @@ class Unrolled:
 
     @property
     def scatters(self) -> bool:
-        """Whether the surface looks like the liquid below it, as with milk.
+        """Whether the free surface looks like the liquid below it, as that of milk does.
 
         Such a liquid scatters light, as milk does: it ends at the upper edge, and its contact line
         is a mere shade. Other surfaces mirror what is around them.
@@ -74,7 +74,7 @@ class WallPoints:
     scale: FloatArray
 
     def near(self, rows: FloatArray, reach: float) -> Self:
-        """Keeps points within a number of rows of given rows (M,); others become NaN."""
+        """Keeps points at most `reach` rows from expected rows (M,); sets other points to NaN."""
         far = ~(np.abs(self.place - rows) <= reach) & ~self.bound
         place, height = (np.where(far, np.nan, value) for value in (self.place, self.height))
         return replace(self, place=place, height=height)

@@ -76,7 +76,7 @@ class SurfaceFitter:
         )
 
     def again(self, view: Unrolled, fit: SurfaceFit, prior: Prior, fade: FadeShare) -> SurfaceFit:
-        """Fits the same edges again, given how much wave crests fade into the background.
+        """Repeats a fit to the same edges, with another degree of fading of wave crests.
 
         Args:
             view: the picture.
@@ -203,7 +203,7 @@ class SurfaceFitter:
         return np.where(found, place, np.nan)
 
     def _reversed(self, view: Unrolled, upper: FloatArray) -> FloatArray:
-        """Returns weights (M,) for upper edges with reversed contrast.
+        """Returns weights (M,) for upper edges that are darker above than below.
 
         So it is where a dark table is behind the container, and where the surface mirrors a lamp.
         """

@@ -92,7 +92,7 @@ class SurfaceMemory:
 
     @property
     def crest_stands(self) -> bool:
-        """Whether a wave crest has not oscillated for two periods or more."""
+        """Whether a wave crest has stayed in place for two periods or more, as no wave does."""
         if self._stands is None or not self._seen:
             return False
         since_ns, first = self._stands
@@ -105,12 +105,12 @@ class SurfaceMemory:
         return self._fade
 
     def arrive(self, stamp_ns: int) -> None:
-        """Registers the next image's stamp [ns]; a decreasing stamp forgets earlier images."""
+        """Forgets earlier images if the next image's stamp [ns] is earlier than theirs."""
         if self._seen and stamp_ns < self._seen[-1][0]:
             self.forget()
 
     def expected(self, stamp_ns: int) -> ExpectedMode | None:
-        """Predicts the first mode at a stamp [ns], or None if there are no earlier images.
+        """Predicts the first mode at a stamp [ns]; None without a recent earlier image.
 
         A gap, and a stamp that repeats or runs back, leave nothing to go by.
         """
@@ -179,5 +179,5 @@ class SurfaceMemory:
 
 
 def _spread(firsts: Sequence[FloatArray]) -> float:
-    """Returns the greatest distance of a series of first modes from its first member [m]."""
+    """Returns the greatest distance of a series' amplitude pairs from its initial pair [m]."""
     return max(float(np.hypot(*(one - firsts[0]))) for one in firsts)

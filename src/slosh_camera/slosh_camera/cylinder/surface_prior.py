@@ -50,7 +50,7 @@ class Prior:
     def conditional(
         self, heights: FloatArray, radius: float, *, front_alone: bool = False
     ) -> tuple[FloatArray, FloatArray]:
-        """Returns mean and inverse covariance of the mode amplitudes [m], given the first mode's.
+        """Returns mean and inverse covariance of the mode amplitudes [m] for a known first mode.
 
         The shapes of second order grow with the square of the first mode. Crests are sharper than
         troughs: the double shape has its crest where the first mode has it. A contact line alone

@@ -90,7 +90,7 @@ class SurfaceReading:
         return HighestPoint(height, azimuth, self._stddev(height, _WALL[_bin(azimuth)]))
 
     def seen(self) -> HighestPoint:
-        """Returns the highest measured point, where the contact line is visible."""
+        """Returns the highest point of the visible contact line; NaN if no part is visible."""
         if not np.any(self._seen):
             return HighestPoint(np.nan, np.nan, np.nan)
         if self._cut_off and self.azimuth.size:
@@ -138,13 +138,13 @@ class SurfaceReading:
         return total / (count + TUNING.fit_weight), seen
 
     def _consistency(self) -> float:
-        """Returns the standard deviation of contact-line points about the fit [m]."""
+        """Returns the standard deviation of contact-line points from the fitted surface [m]."""
         if not self._residual.size:
             return 0.0
         return float(np.sqrt(np.average(np.square(self._residual), weights=self._told)))
 
     def _stddev(self, height: float, shapes: FloatArray) -> float:
-        """Returns the standard deviation of a height [m], given the mode shapes at its place."""
+        """Returns the standard deviation of a height [m] at a place with given mode shapes."""
         width = self.edge_width if np.isfinite(self.edge_width) else TUNING.wide_rows
         variance = float(shapes @ self._fit.covariance @ shapes)
         parts = (
@@ -159,7 +159,7 @@ class SurfaceReading:
 
 
 def errors_together(ratio: FloatArray, edges: BoolArray) -> float:
-    """Returns the ratio of actual to assumed variance for edges with correlated errors.
+    """Returns the ratio of actual to assumed variance of edges whose errors are correlated.
 
     Edges of the surface err by themselves. Those of something else beside it, or of a surface that
     is seen through a wall of uneven thickness, are off together, and then many of them tell no

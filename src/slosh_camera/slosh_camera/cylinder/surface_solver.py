@@ -47,7 +47,7 @@ def _dot(shapes, heights):  # type: ignore[no-untyped-def]
 
 @compiled
 def _usual_ratio(near, far, ray_scale, radius, fade, heights):  # type: ignore[no-untyped-def]
-    """Returns 1.5 times the median normalised residual of lines of sight; 0 if there are too few.
+    """Returns 1.5 times the median normalised silhouette residual; 0 with too few sight lines.
 
     A surface fitted to the contact line alone may lie far below the edge behind it, which most
     rays agree on.
@@ -64,13 +64,13 @@ def _usual_ratio(near, far, ray_scale, radius, fade, heights):  # type: ignore[n
 
 @compiled
 def _one_sided(ratio):  # type: ignore[no-untyped-def]
-    """Returns the weight of an observation that only bounds the height from below."""
+    """Returns the weight, 1 or 0, of a measurement that only bounds the height from below."""
     return 1.0 if ratio < 0.0 else 0.0
 
 
 @compiled
 def _add(normal, right, shapes, error, weight):  # type: ignore[no-untyped-def]
-    """Adds one observation to the normal equations (lower triangle only)."""
+    """Adds one measurement to the least-squares normal equations (lower triangle only)."""
     for k in range(SHAPES):
         scaled = weight * shapes[k]
         right[k] -= scaled * error
@@ -229,7 +229,7 @@ def solve(  # type: ignore[no-untyped-def]
     )
 )
 def around_the_wall(index, residual, trust, bins, kernel, near):  # type: ignore[no-untyped-def]
-    """Averages residuals over neighbouring azimuths around the wall.
+    """Smooths residuals by azimuth over neighbouring azimuths all around the wall.
 
     Args:
         index: (N,) bin of each point. residual: (N,) [m]. trust: (N,) weight of each.

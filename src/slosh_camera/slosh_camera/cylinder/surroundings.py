@@ -114,7 +114,7 @@ def _across(ends, level, share):  # type: ignore[no-untyped-def]
 
 
 def _place_at(levels: NDArray[np.int64], depth: FloatArray, place: FloatArray) -> FloatArray:
-    """Interpolates positions over depth, constant beyond the ends."""
+    """Interpolates image positions over depth, constant beyond the ends of the table."""
     order = np.argsort(depth)
     return np.interp(levels, depth[order], place[order])
 

@@ -1,4 +1,4 @@
-"""Tables of the wall points on all scan lines, and the lines of a surface on them."""
+"""Tables of the wall points on all scan lines, and where a surface lies on these lines."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ class WallGeometry:
         return np.asarray(edge_search.rows_of_heights(self._front_height, self._shapes @ heights))
 
     def covered_border(self, picture: Single) -> bool:
-        """Whether something other than background is visible at the border of the image."""
+        """Whether the image border shows something other than background."""
         cut = np.flatnonzero(self.first_row > 0)
         return bool(
             np.count_nonzero(picture[self.first_row[cut], cut] < TUNING.covered)
@@ -135,7 +135,7 @@ def _rear_footprint(grid: ScanGrid) -> float:
 
 
 def _stretched(grid: ScanGrid) -> BoolArray:
-    """Returns scan lines (M,) on which refraction stretches the rear wall too much."""
+    """Returns a mask of scan lines (M,) where refraction stretches the rear wall too much."""
     row = grid.rear[grid.still_row]
     step = np.full(len(row), np.nan)
     step[1:-1] = 0.5 * np.linalg.norm(row[2:] - row[:-2], axis=1)

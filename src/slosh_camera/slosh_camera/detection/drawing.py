@@ -44,7 +44,7 @@ class _Canvas:
     origin: tuple[float, float] = (0.0, 0.0)
 
     def place(self, pixels: FloatArray) -> FloatArray:
-        """Converts image pixels (N, 2) to canvas coordinates."""
+        """Converts image pixels (N, 2) to pixels of the magnified canvas."""
         placed: FloatArray = (pixels - np.array(self.origin) + 0.5) * self.zoom - 0.5
         return placed
 
@@ -194,7 +194,7 @@ def _draw_scale(canvas: _Canvas, view: CupView | BoxView) -> None:
 
 
 def _on_front(view: CupView | BoxView, measurement: Measurement) -> NDArray[np.bool_]:
-    """Returns which points of the measured line are on the wall facing the camera."""
+    """Returns a mask of the points of the measured line on the wall that faces the camera."""
     azimuth = measurement.profile_azimuth
     if len(azimuth) != len(measurement.edge_pixels):
         return np.ones(len(measurement.edge_pixels), dtype=np.bool_)

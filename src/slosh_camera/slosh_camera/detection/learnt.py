@@ -46,7 +46,7 @@ def learnt_detector(
 
 
 def still_doubt(calibration: AnyCalibration, image: Image) -> str:
-    """Returns why a camera's images may be unmeasurable, judged by the liquid at rest.
+    """Returns why a camera's images may be unmeasurable, by its image of the liquid at rest.
 
     Args:
         calibration: what the camera looks at.

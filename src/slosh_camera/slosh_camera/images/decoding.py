@@ -140,12 +140,12 @@ def _rows(encoding: str, rows: int, width: int, step: int, data: Any, pixel_byte
 
 
 def _words(stored: Image, big_endian: bool) -> NDArray[np.uint16]:
-    """Combines pairs of bytes to 16-bit numbers, which halves the length of the last axis."""
+    """Combines pairs of bytes to 16-bit pixel values, which halves the last axis."""
     return np.ascontiguousarray(stored).view(">u2" if big_endian else "<u2").astype(np.uint16)
 
 
 def to_8_bits(pixels: NDArray[np.uint16]) -> Image:
-    """Converts 16-bit pixels to 8 bits by keeping the upper bits in use."""
+    """Converts 16-bit pixels to 8 bits, keeping the upper bits of the depth in use (8 to 16)."""
     needed = int(pixels.max(initial=0)).bit_length()
     bits = next(depth for depth in _DEPTHS if depth >= needed)
     return np.asarray(pixels >> (bits - 8), dtype=np.uint8)

@@ -26,7 +26,7 @@ _TIFF_SIZES = (256, 257, 322, 323)  # tags: width and height of the image, of a 
 
 
 class Size(NamedTuple):
-    """Width and height of an image [px], and number of the decoder's passes."""
+    """Width and height of an image [px], and number of scans (passes) its decoding takes."""
 
     width: int
     height: int

@@ -107,7 +107,7 @@ def _value(held, bits, width):  # type: ignore[no-untyped-def]
 
 @compiled
 def _others(data, tables, table, most, component, place, held, bits, made_up):  # type: ignore[no-untyped-def]
-    """Decodes all coefficients of a JPEG block except the first."""
+    """Decodes all coefficients of a JPEG block after the first."""
     k = 1
     while k < COEFFICIENTS:
         place, held, bits, made_up = _filled(data, place, held, bits, made_up)
@@ -141,7 +141,7 @@ def _first(data, tables, table, place, held, bits, made_up):  # type: ignore[no-
 
 @compiled
 def _closed(data, place, held, bits, made_up):  # type: ignore[no-untyped-def]
-    """Whether a JPEG marker follows in the data, and the marker's position."""
+    """Returns how a JPEG scan ends (WHOLE, EARLY or LATE), and the next marker's position."""
     whole = (bits - made_up) // 8
     left = np.int64(held >> np.uint64(made_up)) & ((1 << (8 * whole)) - 1)
     while place < data.size and data[place] == 0 and whole <= _FILLING:

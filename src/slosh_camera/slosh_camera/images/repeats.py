@@ -56,7 +56,7 @@ class RepeatedFrames:
         return frozen or in_turn or partly
 
     def _repeats_partly(self, following: Digest) -> bool:
-        """Whether noisy parts of the image have exactly the pixels of an earlier image."""
+        """Whether noisy parts of an image equal an earlier image pixel by pixel."""
         shape, bands = following
         old = [
             any(shape == one[0] and band == one[1][at] for one in self._last)

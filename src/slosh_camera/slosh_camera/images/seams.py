@@ -40,7 +40,7 @@ NO_STEPS = Steps(np.empty(0, np.intp), np.empty((0, 0), np.bool_))
 
 
 class SeamFinder:
-    """Detects torn images in the image region of the container's wall.
+    """Detects torn images by sharp horizontal steps in the region of the container's wall.
 
     Args:
         window: left, top, right and bottom of that part [px].
@@ -57,7 +57,7 @@ class SeamFinder:
         self._known: BoolArray | None = None
 
     def learn(self, image: Image) -> None:
-        """Ignores the sharp edges of the liquid at rest in the search for seams."""
+        """Excludes the sharp edges of the liquid at rest from the search for tears."""
         known = np.zeros(self._shape, np.uint8)
         known[self._sharp(image, TUNING.still_seam)] = 1
         self._known = cv2.dilate(known, np.ones((3, 3), np.uint8)).astype(np.bool_)
@@ -78,7 +78,7 @@ class SeamFinder:
         return Steps(many, sharp[many])
 
     def is_torn(self, steps: Steps, *lines: tuple[FloatArray, FloatArray]) -> bool:
-        """Whether the image has a seam that is not one of the liquid's lines."""
+        """Whether the image has a tear, a sharp step that is none of the liquid's lines."""
         found = [
             (row, run)
             for row, sharp in zip(steps.rows.tolist(), steps.sharp, strict=True)
@@ -90,7 +90,7 @@ class SeamFinder:
         return any(self._is_seam(row, run, steps, curves) for row, run in found)
 
     def _is_seam(self, row: int, run: Columns, steps: Steps, curves: list[FloatArray]) -> bool:
-        """Whether a run of sharp steps below an image row is a seam."""
+        """Whether sharp steps in adjacent columns below an image row are a tear in the image."""
         touched = False
         for curve in curves:
             line = curve[run]
@@ -134,7 +134,7 @@ class SeamFinder:
 
 
 def _ends(levels: Image) -> tuple[float, float]:
-    """Returns a low and a high percentile of grey levels, by counting instead of sorting."""
+    """Returns a low and a high percentile of an image's grey levels, by counting."""
     counts = np.cumsum(np.bincount(levels.ravel(), minlength=256))
     place = 0.01 * np.array(_PERCENT) * (levels.size - 1)
     lower = np.floor(place)
@@ -146,6 +146,6 @@ def _ends(levels: Image) -> tuple[float, float]:
 
 
 def _runs(columns: Columns) -> list[Columns]:
-    """Returns the runs of adjacent columns that are long enough for a seam."""
+    """Returns the runs of adjacent columns that are long enough for a tear."""
     runs = np.split(columns, np.flatnonzero(np.diff(columns) > TUNING.seam_gap) + 1)
     return [run for run in runs if run.size >= TUNING.seam_run]

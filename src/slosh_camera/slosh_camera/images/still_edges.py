@@ -31,14 +31,14 @@ PLACES = 24
 
 
 class Edge(NamedTuple):
-    """An image edge of the container: its pixels (N, 2), and whether it is a side."""
+    """A visible container edge: its pixels (N, 2), and whether it is the left or right side."""
 
     pixels: FloatArray
     is_side: bool
 
 
 class _EdgeStrips(NamedTuple):
-    """Sample strips across one edge of the container, and whether the edge is a side."""
+    """Sample strips across one container edge, and whether it is the left or right side."""
 
     rows: slice
     is_side: bool
@@ -122,12 +122,12 @@ class StillEdges:
 
 
 def along_side(fill_height: float) -> FloatArray:
-    """Returns heights (PLACES,) above the liquid level for samples along a side [m]."""
+    """Returns the heights (PLACES,) above the liquid level of samples along a side [m]."""
     return fill_height * np.linspace(TUNING.edge_lowest, TUNING.edge_highest, PLACES)
 
 
 def along_end(half: float) -> FloatArray:
-    """Returns positions (PLACES,) for samples along the floor or the rim [m].
+    """Returns positions (PLACES,) from the middle of samples along the floor or the rim.
 
     Args:
         half: of the way from side to side, in whatever unit.
@@ -140,7 +140,7 @@ def _is_marked(seen: _Seen) -> bool:
 
 
 def _agree(now: _Seen, learnt: _Seen) -> bool:
-    """Whether an image edge matches the stored one, by grey-level steps or by position."""
+    """Whether a container edge is where it was stored, by its grey levels or their differences."""
     return _agree_in_place(_correlations(now.steps, learnt.steps)) or _agree_in_place(
         _correlations(now.edges, learnt.edges)
     )

@@ -96,7 +96,7 @@ def _tilts(fit: IntrinsicFit) -> dict[str, float]:
 
 
 def _largest(fit: IntrinsicFit) -> float:
-    """Returns the largest fraction of image width or height that the calibration board covers."""
+    """Returns the largest fraction of image width or height that the board covers."""
     return max(
         float(np.max(np.ptp(view.view.pixels, axis=0) / fit.camera.size)) for view in fit.views
     )

@@ -42,7 +42,7 @@ _MOST_GROUPS = 20
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SolvedView:
-    """An image of a calibration board with the corners that the estimated camera predicts.
+    """An image of a calibration board, with the corner positions that the estimate predicts.
 
     Attributes:
         view: the board as seen.

@@ -25,7 +25,7 @@ _FLAGS = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_A
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """A calibration board that was detected in an image.
+    """An image with the calibration board that was detected in it.
 
     Attributes:
         name: of the picture.
@@ -67,7 +67,7 @@ class Views:
 
 
 def find_views(pictures: Iterable[tuple[str, Image]], target: Target) -> Views:
-    """Detects the calibration board in images and selects the useful images.
+    """Detects the calibration board in images and selects those useful for calibration.
 
     Args:
         pictures: names and images.
@@ -125,7 +125,7 @@ def _reason(view: View, used: list[View], width: int) -> str:
 
 
 def _shift(view: View, other: View) -> float:
-    """Returns the RMS shift of common corners between two images [px]; inf if there are none."""
+    """Returns the RMS shift of the corners two images share [px]; inf if they share none."""
     places = {tuple(point): pixel for point, pixel in zip(other.points, other.pixels, strict=True)}
     ways = [
         pixel - places[tuple(point)]

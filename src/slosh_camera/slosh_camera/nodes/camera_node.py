@@ -104,7 +104,7 @@ class CameraNode(PreparedNode):
         self._get_ready(later=later)
 
     def _named(self, topic: str) -> str:
-        """Returns the name of a topic for the container that the camera sees."""
+        """Returns a topic's name with the name of the container that the camera sees."""
         return topics.of_container(topic, self._container)
 
     def prepare(self, progress: Progress) -> None:

@@ -24,7 +24,7 @@ from slosh_msgs_py.stamps import to_nanoseconds
 
 
 class _Looking(NamedTuple):
-    """The detector in use, or the reason why images cannot be measured.
+    """The detector in use, and the reason if images cannot be measured.
 
     Attributes:
         detector: the detector.
@@ -78,12 +78,12 @@ class FollowingDetector:
 
     @property
     def is_told(self) -> bool:
-        """Whether the liquid level follows from a new fill height instead of the calibration."""
+        """Whether the still level comes from a new container or fill, not the calibration."""
         return self._now.detector is not self._start.detector
 
     @property
     def why_not(self) -> tuple[str, bool]:
-        """The reason why images cannot be measured (or empty), and whether that is a fault."""
+        """The reason why images cannot be measured, else empty; and whether it is a fault."""
         return self._now.why_not, self._now.wrong
 
     def _on_change(self, message: ContainerChange) -> None:
@@ -119,7 +119,7 @@ class FollowingDetector:
             self._next, self._next_ns = looking, stamp_ns
 
     def _held(self, message: ContainerChange) -> tuple[str, Model | None]:
-        """Returns the name of the camera's place on the tray, and the model of its container.
+        """Returns the tray place that the camera sees, and the model of the container there.
 
         The name is empty where there is no tray, the model None where the place is empty.
 

@@ -49,7 +49,7 @@ class Box(SeenContainer):
 
     @property
     def face(self) -> float:
-        """Position of the inner side of the front wall along y [m]."""
+        """The y coordinate of the inner side of the front wall [m]."""
         return 0.0 if self.depth is None else -0.5 * self.depth
 
 
@@ -126,7 +126,7 @@ class BoxView:
         return self.camera.project(outer @ self.pose.rotation.T)
 
     def on_face(self, pixels: ArrayLike) -> tuple[Array, Array]:
-        """Projects pixels back onto the inner front face.
+        """Projects pixels (N, 2) back onto the inner front face, as x and height z [m].
 
         Args:
             pixels: (N, 2).
@@ -169,11 +169,11 @@ class BoxView:
         return np.vstack([self.project_face([-half, half], level) for level in self.levels()])
 
     def scale_places(self, heights: Array) -> Array:
-        """Returns the image points (N, 2) of heights (N,) [m] on the face's right edge."""
+        """Returns the image points (N, 2) at heights (N,) [m] on the front face's right edge."""
         return self.project_face(0.5 * self.box.width, heights)
 
     def fitted_line(self, measurement: Measurement) -> Array:
-        """Returns the image points (N, 2) of the fitted straight line; empty if there is none."""
+        """Returns image points (N, 2) of the fitted straight line; empty without a fit."""
         slope, half = np.tan(measurement.slope_angle), 0.5 * self.box.width
         rest = measurement.profile_height - slope * measurement.profile_x
         if not np.any(np.isfinite(rest)):
@@ -182,11 +182,11 @@ class BoxView:
         return self.project_face(x, np.nanmean(rest) + slope * x)
 
     def on_front(self, azimuth: Array) -> NDArray[np.bool_]:
-        """Returns True for all azimuths, since a side view shows only the front face."""
+        """Returns True for each azimuth, since a side view shows only the front face."""
         return np.ones(len(azimuth), dtype=np.bool_)
 
     def height_per_pixel(self, pixel: ArrayLike) -> float:
-        """Returns the height of one pixel row on the face [m/px], NaN if the ray misses it."""
+        """Returns the height of one pixel row on the face [m/px]; NaN off the face."""
         u, v = np.asarray(pixel, dtype=np.float64)
         _, height = self.on_face([[u, v - 0.5], [u, v + 0.5]])
         return float(abs(height[1] - height[0]))

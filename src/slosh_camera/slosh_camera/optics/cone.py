@@ -74,7 +74,7 @@ def silhouette_half_angle(wall: GlassWall, origin: Array) -> float:
 
 
 def _solved(wall: GlassWall, origin: Array, points: Array, *, far: bool) -> Array:
-    """Returns ray directions (N, 3) to points that are all on the front or on the rear wall."""
+    """Returns ray directions (N, 3) to points of the front wall only or of the rear wall only."""
     outside = GlassWall(wall.outer_radius, taper=wall.taper)
     start = outside.trace(origin, points - origin).front
     unknown = np.column_stack((np.arctan2(start[:, 1], start[:, 0]), start[:, 2]))

@@ -37,7 +37,7 @@ STEEPEST_TAPER = 0.5
 
 
 class Wall(Enum):
-    """Front or rear wall, the two places where a ray meets the container.
+    """Front or rear wall: the two intersections of a ray with the container.
 
     >>> [wall.value for wall in Wall]
     ['front', 'rear']
@@ -122,18 +122,18 @@ class Cup(SeenContainer):
         return np.stack((outer * np.cos(angle), outer * np.sin(angle), height), axis=-1)
 
     def upright_points(self, points: Array) -> Array:
-        """Maps points (..., 3) [m] of an inclined wall to those on a vertical cylinder."""
+        """Maps points (..., 3) [m] of an inclined wall to the equivalent vertical cylinder."""
         return (
             points / (1.0 + self.taper / self.radius * points[..., 2:]) if self.taper else points
         )
 
     def upright(self, height: ArrayLike) -> Array:
-        """Converts heights above the still level [m] to those on the vertical cylinder [m]."""
+        """Converts heights on the inclined wall to an equivalent vertical cylinder, both in m."""
         given = np.asarray(height, dtype=np.float64)
         return np.asarray(given / (1.0 + self.taper / self.radius * given))
 
     def leaning(self, height: ArrayLike) -> Array:
-        """Converts heights on the vertical cylinder [m] back; the inverse of `upright`."""
+        """Converts heights on the equivalent vertical cylinder to the inclined wall, in m."""
         given = np.asarray(height, dtype=np.float64)
         return np.asarray(given / (1.0 - self.taper / self.radius * given))
 
@@ -214,7 +214,7 @@ class CupView:
     def project_wall(
         self, azimuth: ArrayLike, height: ArrayLike, wall: Wall | None = None
     ) -> Array:
-        """Projects points of the inner wall into the image, with refraction by the wall.
+        """Projects inner wall points (azimuth, height) into the image, with refraction.
 
         Args:
             azimuth: (N,) or scalar [rad].
@@ -312,11 +312,11 @@ class CupView:
         return np.vstack([self.project_wall(around, level) for level in self.levels()])
 
     def scale_places(self, heights: Array) -> Array:
-        """Returns the image points (N, 2) of heights (N,) [m] on the right outer edge."""
+        """Returns the image points (N, 2) at heights (N,) [m] on the right outer edge."""
         return self.project(self.cup.outer_points(self.tangent_azimuths()[1], heights))
 
     def fitted_line(self, measurement: Measurement) -> Array:
-        """Returns the image points (N, 2) of the fitted surface; empty if there is none.
+        """Returns image points (N, 2) of the fitted first mode on the wall; empty without a fit.
 
         On the upright wall every mode of one azimuthal wave is a cosine.
         """

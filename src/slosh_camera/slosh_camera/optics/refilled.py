@@ -72,7 +72,7 @@ def _risen(pose: Pose, rise: float) -> Pose:
 
 
 def _rim(container: Container, calibrated: float | None) -> float | None:
-    """Returns the rim height of the new container, or else the calibrated one [m]."""
+    """Returns the new container's rim height, else the calibrated rim height; None if unknown."""
     if container.rim_height is not None:
         return container.rim_height
     above = calibrated is not None and calibrated > container.fill_height

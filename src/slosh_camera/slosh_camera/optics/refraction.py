@@ -64,7 +64,7 @@ class GlassWall:
 
     @property
     def bends(self) -> bool:
-        """Whether the wall refracts light: it has a thickness and an index other than 1."""
+        """Whether the wall refracts light: thickness above 0 and refractive index other than 1."""
         return self.thickness > 0.0 and self.index != 1.0
 
     def trace(self, origin: Array, directions: Array) -> WallTrace:
@@ -210,7 +210,7 @@ class GlassWall:
         return np.minimum(self.outer_radius, self._plan_index(slope) * self.radius)
 
     def _turn(self, impact: Array, slope: Array, distance: float, rear: BoolArray | None) -> Array:
-        """Returns the azimuth relative to the camera where rays meet front or rear wall [rad]."""
+        """Returns the angle from the camera to where rays meet front or rear wall [rad]."""
         in_wall = impact / self._plan_index(slope)
         angle: Array = (
             _arcsin(impact / self.outer_radius)
@@ -223,7 +223,7 @@ class GlassWall:
         return np.where(rear, angle + np.pi - 2.0 * _arcsin(impact / self.radius), angle)
 
     def _flat_length(self, impact: Array, slope: Array, distance: float, rear: BoolArray) -> Array:
-        """Returns the plan-view length of a straight ray of the same rise as the refracted one."""
+        """Returns the plan-view length of a straight ray that rises as much as a refracted ray."""
         index = self._plan_index(slope)
         in_wall = impact / index
         outside = _leg(distance, impact) - _leg(self.outer_radius, impact)

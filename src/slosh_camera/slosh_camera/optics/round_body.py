@@ -136,7 +136,7 @@ class RoundView(BoxView):
         return x * (0.5 * self.box.width) / self.half_width(z), z
 
     def around(self, x: Array, z: Array, *, far: bool) -> tuple[Array, Array]:
-        """Returns the points of the inner wall that are seen at positions in the axis plane.
+        """Returns azimuths and heights on the inner wall of points seen in the axis plane.
 
         Args:
             x: (N,) places across [m].
@@ -156,14 +156,14 @@ class RoundView(BoxView):
         return azimuths, heights
 
     def upright(self, heights: Array) -> Array:
-        """Converts heights (N,) at an inclined wall to equivalent heights at an upright one.
+        """Converts heights (N,) [m] on an inclined wall to equivalent heights on a vertical wall.
 
         A plane meets a leaning wall where its height is the slope times the radius there.
         """
         return heights * self.half_width(0.0) / self.half_width(heights)
 
     def leaning(self, heights: Array) -> Array:
-        """Converts heights at an upright wall to an inclined one; the inverse of `upright`."""
+        """Converts heights [m] on a vertical wall to an inclined wall; inverse of `upright`."""
         found = heights
         for _ in range(_LEANING):
             found = heights * self.half_width(found) / self.half_width(0.0)

@@ -29,7 +29,7 @@ _GROW = np.ones((3, 3), np.uint8)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Levels:
-    """Grey levels and noise of liquid and background in one channel.
+    """Grey levels and noise of liquid and background in one colour channel.
 
     Attributes:
         wet: median where the face is nearly always wet.
@@ -67,7 +67,7 @@ class Appearance:
 
 
 def brightness(part: Image, region: SideRegion) -> tuple[float, float]:
-    """Returns the grey levels of the darker and the brighter of liquid and background.
+    """Returns the lower and the higher of the liquid's and the background's grey level.
 
     Args:
         part: (rows, columns) or (rows, columns, 3) of the region.
@@ -82,7 +82,7 @@ def brightness(part: Image, region: SideRegion) -> tuple[float, float]:
 
 
 def brightest(part: Image, region: SideRegion) -> float:
-    """Returns the grey level of the brighter of liquid and background in its brightest channel."""
+    """Returns the higher of the liquid's and the background's grey level, over all channels."""
     return float(max(np.max(levels) for levels in _typical(part, region)))
 
 
@@ -209,14 +209,14 @@ def evidence(small: Image, appearance: Appearance, levels: Levels) -> Single:
 
 
 def half_size(channel: Image) -> Image:
-    """Returns the channel at half resolution; each pixel is the mean of four."""
+    """Returns an image channel at half resolution; each pixel is the mean of four."""
     rows, columns = channel.shape
     size = (columns // 2, rows // 2)
     return np.asarray(cv2.resize(channel, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def _typical(part: Image, region: SideRegion) -> tuple[FloatArray, FloatArray]:
-    """Returns the median colours of image areas that are nearly always wet or dry."""
+    """Returns median colours of image areas nearly always wet, and of areas nearly always dry."""
     wet, dry = (
         np.atleast_1d(np.median(_at(part, samples), axis=(0, 1)))
         for samples in (region.wet, region.dry)
@@ -248,7 +248,7 @@ def _smooth(places: NDArray[np.intp], values: FloatArray, columns: FloatArray) -
 
 
 def _spread(small: Single, where: BoolArray, contrast: float) -> tuple[Single, BoolArray]:
-    """Extrapolates the grey levels of liquid or background over the image; marks outliers.
+    """Extrapolates grey levels of liquid or background over the image; returns an outlier mask.
 
     Seen places keep their own level; elsewhere a surface is laid through them, straight in the
     rows and a parabola over the columns.
@@ -276,6 +276,6 @@ def _spread(small: Single, where: BoolArray, contrast: float) -> tuple[Single, B
 
 
 def _same_sign(half: Single, contrast: float) -> Single:
-    """Sets those contrast values to 0 whose sign contradicts the overall contrast."""
+    """Sets contrasts to 0 whose sign differs from the overall contrast's."""
     usable = half * np.sign(contrast) > 0.1 * abs(contrast)
     return np.where(usable, half, np.float32(0.0)).astype(np.float32)

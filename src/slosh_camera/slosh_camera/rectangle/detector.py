@@ -164,7 +164,7 @@ class SideViewDetector:
         return self.measure(0, image)
 
     def follow(self, stamp_ns: int, sighting: SideMeasurement) -> SideMeasurement:
-        """Returns the measurement of the next image, which does not need other images."""
+        """Returns the result of `look` with its stamp [ns]; no other image is needed."""
         return replace(sighting, stamp_ns=stamp_ns)
 
     def _on_round_wall(self, found: SideMeasurement, line: TracedLine) -> SideMeasurement:
@@ -196,7 +196,7 @@ class SideViewDetector:
         return self._seams.is_torn(steps, (u, v))
 
     def _bow(self, line: TracedLine) -> FittedLine:
-        """Fits the contact line at rest without second-order waves, which resemble its curvature.
+        """Fits the curved contact line at rest without second-order waves, which look alike.
 
         Raises:
             SloshCameraError: its curvature shows a camera that is not level.

@@ -50,7 +50,7 @@ class FittedLine:
         return heights
 
     def highest(self) -> tuple[float, float, FloatArray]:
-        """Returns position and height [m] of the line's maximum, and its basis functions there."""
+        """Returns x and height [m] of the fitted line's maximum, and the basis functions there."""
         x = np.linspace(-0.5 * self.width, 0.5 * self.width, _GRID)
         functions = self.waves.basis(x)
         heights = functions @ self.coefficients

@@ -24,7 +24,7 @@ _SOBEL_STEP = 8.0 / float(np.sqrt(2.0 * np.pi))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ColumnSplit:
-    """Row in each column where background changes to liquid, at half resolution.
+    """Row in each image column where background changes to liquid, at half resolution.
 
     Attributes:
         rows: (columns,) boundary between rows of half the size: the number of rows above it.
@@ -41,7 +41,7 @@ class ColumnSplit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edges:
-    """The detected edge in each image column, with sub-pixel precision.
+    """Sub-pixel row and blur of the detected edge in each image column.
 
     Attributes:
         rows: (columns,) counted from the region's top; NaN where there is none.
@@ -138,7 +138,7 @@ def refine_edges(channel: Image, edges: Image, expected: FloatArray, contrast: f
 
 
 def drop_loose_segments(rows: FloatArray, near: BoolArray) -> BoolArray:
-    """Returns the columns whose edge segment belongs to the contact line.
+    """Returns a mask of the columns whose edge segment belongs to the contact line.
 
     A segment ends where the row jumps. What a droplet or a sticker adds is a segment of its own,
     most of which is away from the fitted shape; a crest that the shape does not follow hangs
@@ -163,7 +163,7 @@ def drop_loose_segments(rows: FloatArray, near: BoolArray) -> BoolArray:
 
 
 def _without_ends(kept: BoolArray) -> BoolArray:
-    """Removes the columns beside a wide gap, where an occluding object may have the edge."""
+    """Clears mask columns beside a wide gap, where an occluding object may have the edge."""
     hidden = np.array(~kept, dtype=np.uint8)[np.newaxis]
     wide = cv2.morphologyEx(hidden, cv2.MORPH_OPEN, np.ones((1, TUNING.wide_gap), np.uint8))
     beside = cv2.dilate(wide, np.ones((1, 2 * TUNING.gap_ends + 1), np.uint8))[0] > 0
@@ -188,7 +188,7 @@ def _peak(
 
 
 def _reached(to_top: BoolArray, seen: BoolArray, below_top: IntArray) -> BoolArray:
-    """Returns image columns that are full of liquid and adjoin the detected contact line.
+    """Returns a mask of columns that are full of liquid and adjoin the detected contact line.
 
     A dark thing before the face, such as a sticker, ends in the middle of the line instead.
 

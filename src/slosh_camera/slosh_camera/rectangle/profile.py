@@ -110,7 +110,7 @@ def _places(width: float) -> FloatArray:
 
 
 def _resampled(line: TracedLine, residual: FloatArray, x: FloatArray) -> FloatArray:
-    """Returns heights [m] at positions: fitted shape plus mean residual of nearby points."""
+    """Returns the line's heights [m] at positions x [m]: fit plus mean residual nearby."""
     reach = max(0.5 * float(x[1] - x[0]), TUNING.reach * line.pixel_height)
     start = np.searchsorted(line.x, x - reach)
     count = np.searchsorted(line.x, x + reach) - start
@@ -121,7 +121,7 @@ def _resampled(line: TracedLine, residual: FloatArray, x: FloatArray) -> FloatAr
 
 
 def _at_wall(line: TracedLine, residual: FloatArray, wall: float) -> float:
-    """Extrapolates the contact line to a side wall, correcting a fit by residuals near the wall.
+    """Returns the line's height [m] at a side wall, extrapolated and corrected near the wall.
 
     The last pixels before the wall mix what is on either side, so the line is led on over them. On
     a round wall the shape alone tells it: there the line turns away from the camera.
@@ -172,7 +172,7 @@ def _running_median(values: FloatArray) -> FloatArray:
 
 
 def common_error(line: TracedLine) -> float:
-    """Returns the standard deviation of the error common to all points [m]."""
+    """Returns the standard deviation of the error that all line points have in common [m]."""
     of_softness = TUNING.common_clipped if line.clipped else TUNING.common_softness
     softness = float(np.median(line.softness))
     return line.pixel_height * float(np.hypot(TUNING.common_floor, of_softness * softness))

@@ -94,7 +94,7 @@ def _at(channel: Image, rows: FloatArray, columns: NDArray[np.intp]) -> FloatArr
 
 
 def _shift(gap: FloatArray, softness: float, surface: float) -> FloatArray:
-    """Returns the shift [rows] of a blurred edge due to a second edge below it.
+    """Returns how far [rows] a blurred edge shifts due to a second edge below it.
 
     Two blurred steps, 1 - surface and surface high, are two Gaussians over the rows; this is one
     step of Newton's method from the upper one's centre to the sum's maximum.
@@ -109,7 +109,7 @@ def _shift(gap: FloatArray, softness: float, surface: float) -> FloatArray:
 def _in_front(
     view: BoxView, region: SideRegion, rows: FloatArray, columns: NDArray[np.intp]
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Returns the front contact line's rows that correspond to rows of the rear one.
+    """Converts detected rows of the rear contact line to rows of the front contact line.
 
     Returns:
         (N,) rows, NaN where the rear wall does not show what stands before it, and (N,) whether
@@ -137,7 +137,7 @@ def _in_front(
 def _visible_depth(
     view: BoxView, region: SideRegion, rows: FloatArray, columns: NDArray[np.intp]
 ) -> FloatArray:
-    """Returns the image rows (N,) between front and rear end of a level surface."""
+    """Returns how many image rows (N,) a level surface covers from front to rear wall."""
     pixels = np.column_stack((columns + region.left, rows + region.top))
     _, z = view.on_face(pixels)
     _, rear_z = view.on_rear(pixels)

@@ -62,7 +62,7 @@ class SideRegion:
         return slice(self.top, self.top + rows), slice(self.left, self.left + columns)
 
     def rows_at(self, level: FloatArray) -> FloatArray:
-        """Returns the fractional image row of a height in each image column (columns,)."""
+        """Returns the fractional image row (columns,) of a height [m] in each image column."""
         constant, linear, square = self.row_of_level
         rows: FloatArray = constant + level * (linear + level * square)
         return rows
@@ -172,7 +172,7 @@ def _rows_of_levels(view: BoxView, levels: FloatArray, columns: IntArray) -> Flo
 def _visible(
     view: BoxView, inside: BoolArray, rows_of: FloatArray, levels: tuple[float, float]
 ) -> tuple[RegionPlaces, RegionPlaces]:
-    """Returns visible pixels that are nearly always wet, and those nearly always dry."""
+    """Returns masks of visible pixels that are nearly always wet, and nearly always dry."""
     columns = np.flatnonzero(inside.any(axis=0))
     first = np.argmax(inside, axis=0)
     last = inside.shape[0] - 1 - np.argmax(inside[::-1], axis=0)
@@ -200,7 +200,7 @@ def _visible(
 
 
 def _open_above(view: BoxView, inside: BoolArray, rows_of: FloatArray) -> BoolArray:
-    """Returns which columns (columns,) reach the region's highest level or the image border."""
+    """Returns a mask of columns (columns,) that reach the highest level or the image border."""
     if not isinstance(view, RoundView):
         return np.ones(inside.shape[1], np.bool_)
     first = np.argmax(inside, axis=0)

@@ -52,7 +52,7 @@ class RoundWall(NamedTuple):
 
 
 class _Reading(NamedTuple):
-    """One interpretation of a side view's contact line: Fourier coefficients and misfit.
+    """Contact line taken to lie on one half of the wall: Fourier coefficients and misfit.
 
     They are those of heights as on an upright wall, see `RoundView.upright`.
     """
@@ -115,13 +115,13 @@ def round_wall(
 
 
 def _shrinking(view: RoundView) -> float:
-    """Returns the far half's curvature relative to the near half's, for the line at rest."""
+    """Returns the ratio of far to near half's curvature in the image, for liquid at rest."""
     inner = view.body.size
     return (view.distance - inner) / (view.distance + inner)
 
 
 def _mixed(values: FloatArray, likely: FloatArray) -> tuple[float, float]:
-    """Returns the probability-weighted mean of two values, and its standard deviation."""
+    """Returns the probability-weighted mean and standard deviation of two values."""
     mean = float(likely @ values)
     return mean, float(np.sqrt(likely @ (values - mean) ** 2))
 

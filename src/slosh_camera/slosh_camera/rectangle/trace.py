@@ -71,7 +71,7 @@ class Knowledge:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Light:
-    """The region of one side-view image, reduced to one channel.
+    """The container's region of one side-view image, reduced to one channel.
 
     Attributes:
         channel: (rows, columns), blurred.
@@ -121,7 +121,7 @@ class TracedLine:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trace:
-    """Result of detecting the contact line; `light` and `line` are None if not found."""
+    """Result of detecting the contact line: flags, image channel and line; None if not found."""
 
     flags: Flag
     light: Light | None = None
@@ -262,7 +262,7 @@ class _Tracer:
         return refine_edges(self._light.channel, edges, expected, self._light.levels.contrast)
 
     def _kept(self, found: Edges, first: FittedLine) -> BoolArray:
-        """Returns the columns whose edge belongs to the contact line."""
+        """Returns a mask of the image columns whose edge belongs to the contact line."""
         rows = np.where(found.rows >= self._upper + TUNING.end_rows, found.rows, np.nan)
         columns = np.flatnonzero(np.isfinite(rows))
         kept = np.zeros(self._columns.size, np.bool_)

@@ -44,7 +44,7 @@ class Waves(ABC):
 
     @abstractmethod
     def basis(self, x: FloatArray) -> FloatArray:
-        """Returns the basis functions (N, FUNCTIONS) at positions x (N,) from the middle [m]."""
+        """Returns the basis functions (N, FUNCTIONS) at distances x (N,) from the middle [m]."""
 
     @property
     @abstractmethod
@@ -91,7 +91,7 @@ class RoundWaves(Waves):
     second_order: float = _SECOND_ORDER
 
     def at_rest(self) -> RoundWaves:
-        """Returns the shapes without second-order waves, which occur only in moving liquid."""
+        """Returns the basis without second-order waves, which occur only in moving liquid."""
         return replace(self, second_order=_AT_REST)
 
     def basis(self, x: FloatArray) -> FloatArray:

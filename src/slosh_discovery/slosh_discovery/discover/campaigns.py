@@ -29,7 +29,7 @@ Members = tuple[int, ...]
 
 @dataclass(frozen=True, slots=True)
 class Campaigns:
-    """The members of each group of motions, and the modelled effect that differs between groups.
+    """The motions of each group, and the modelled effect that differs between groups.
 
     Attributes:
         effect: whose parameters differ between the groups.
@@ -136,7 +136,7 @@ def normal_equations(
 
 
 def _normal(residual: Array, slopes: Array, clocks: Array, temperature: float) -> Normal:
-    """Returns the normal equations, with the unknown clock offset eliminated by projection."""
+    """Returns a motion's normal equations, with the unknown clock offset projected out."""
     own = clocks[:, np.any(clocks != 0.0, axis=0)]
     columns = np.column_stack([slopes, residual])
     if own.shape[1]:

@@ -36,7 +36,7 @@ def first_offset(one: PreparedMotion, base: Model) -> float:
 
 
 def slipped_offsets(one: Fit, motions: Sequence[PreparedMotion]) -> list[float] | None:
-    """Returns clock offsets [s] that fit better than a wrong local minimum; None if none does.
+    """Returns clock offsets [s] that fit better than the fit's own, or None if none fit better.
 
     Heights that sway make many offsets look nearly right, one each half period. With the fitted
     explanation all of them are tried; None: the fit's own are the best.

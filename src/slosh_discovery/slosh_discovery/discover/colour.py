@@ -84,7 +84,7 @@ class Whitening:
         correlation: float,
         forgotten: Array | None = None,
     ) -> Whitening:
-        """Creates the whitening filter for noise of given size and correlation.
+        """Creates the whitening filter for noise of some standard deviation and autocorrelation.
 
         Args:
             neighbours: the samples.
@@ -101,7 +101,7 @@ class Whitening:
         return cls(before, memory, gain, spread, _series_order(before))
 
     def applied(self, values: Array) -> Array:
-        """Whitens a series [m], or each column of several series, to unit variance."""
+        """Whitens a series of heights [m], or each column of several, to unit variance."""
         if self.order is None:
             expected = _rows(self.memory, values) * values[self.before]
         else:
@@ -218,7 +218,7 @@ def neighbours_in(t: Array, kept: NDArray[np.bool_]) -> Neighbours:
 
 
 def estimate_colour(residual: Array, neighbours: Neighbours, parameters: int) -> Colour:
-    """Estimates size and autocorrelation of the noise in a residual, robust against outliers.
+    """Estimates standard deviation and autocorrelation of a residual's noise, despite outliers.
 
     By the scales of sums and differences of neighbours, whose squares are as (1 + ρ) to (1 - ρ)
     (Gnanadesikan and Kettenring).

@@ -106,7 +106,7 @@ def _decay_and_swing(frequency: float, damping: float) -> tuple[float, float]:
 
 
 def _blur(motion: PreparedMotion, liquid: Array, driven: Array) -> Array | None:
-    """Returns the variance that noise adds to a peak height [m²]; None for wall heights.
+    """Returns the variance that noise adds to a peak height [m²]; None for heights by azimuth.
 
     A wave of height A that noise moves by δ across rises by δ²/2A, of the variance σ⁴/2A² - and
     by about σ where there is hardly a wave.

@@ -151,7 +151,7 @@ def probabilities(log_evidences: Sequence[float]) -> Array:
 
 
 def standard_errors(fit: Fit, temperature: float) -> Array:
-    """Returns standard errors (P,) of the free parameters, at most their prior deviations."""
+    """Returns standard errors (P,) of the free parameters, not above their prior deviations."""
     spreads = fit.explanation.spreads
     information = fit.information * np.outer(spreads, spreads) / temperature
     information += np.eye(len(spreads))

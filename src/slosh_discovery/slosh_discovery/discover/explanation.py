@@ -125,7 +125,7 @@ class Explanation:
     def with_effect(
         self, name: str, chosen: Mapping[str, float], *, per_group: bool = False
     ) -> Explanation:
-        """Returns a copy with one more physical effect, and the chosen variant of it."""
+        """Returns a copy with one more physical effect, in a chosen variant."""
         return replace(
             self,
             effects=tuple(sorted((*self.effects, name))),
@@ -151,7 +151,7 @@ class Explanation:
         return replace(self, per_group=tuple(e for e in self.per_group if e != name))
 
     def simpler(self) -> list[Explanation]:
-        """Returns candidate models with one effect less, or one shared by all groups."""
+        """Returns copies with one effect removed, or with one effect equal in all groups."""
         less = [self.without(name) for name in self.effects]
         return [*less, *(self.shared(name) for name in self.per_group)]
 

@@ -109,7 +109,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class HeightGap:
-    """Root mean square residuals [m] of the highest wall height, before and after the discovery.
+    """Rms residuals [m] of the maximum height at the wall, before and after the discovery.
 
     Attributes:
         noise: of the measurement.

@@ -14,7 +14,7 @@ NAN = float("nan")
 
 
 def closed_share(before: float, after: float, noise: float, samples: int) -> float:
-    """Computes the removed fraction of an error, 1 - (after² - noise²)/(before² - noise²).
+    """Computes the removed fraction of an rms error, 1 - (after² - noise²)/(before² - noise²).
 
     Every output that tells a closed share has it from here.
 
@@ -39,7 +39,7 @@ def closed_share(before: float, after: float, noise: float, samples: int) -> flo
 
 
 def total_gap(cases: Sequence[MotionFinding]) -> HeightGap:
-    """Returns the rms errors before and after a discovery over all motions, equally weighted."""
+    """Returns rms height errors [m] before and after a discovery, for equally weighted motions."""
     fitted = [case for case in cases if case.role is Role.FIT]
     others = [case for case in cases if case.role is Role.HOLDOUT]
     fit_before, fit_after, fit_closed = _closed(fitted)

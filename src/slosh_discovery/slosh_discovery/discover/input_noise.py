@@ -176,7 +176,7 @@ def _rounding(inputs: Inputs, columns: Array, quantum: float) -> float:
 
 
 def _colour(inputs: Inputs, density: float) -> float:
-    """Returns the noise power near the liquid's natural frequencies divided by white noise's."""
+    """Returns the noise power near the liquid's natural frequencies relative to white noise."""
     still = resting(inputs, TUNING.rest_margin)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8)))
     power, count = 0.0, 0

@@ -1,4 +1,4 @@
-"""Time series of a motion's inputs: size of acceleration, jerk, tilt and angular velocity."""
+"""Time series of a motion's inputs: acceleration, jerk, tilt and angular velocity."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ class MeasuredMotion:
 
     @property
     def heights(self) -> Array:
-        """Measured heights [m]: maximum heights (M, 1), or wall heights (M, K) by azimuth."""
+        """Measured liquid heights [m]: maximum (M, 1), or at the wall by azimuth (M, K)."""
         if self.msh is not None:
             return self.msh[:, np.newaxis]
         assert self.eta is not None  # by construction

@@ -69,14 +69,14 @@ class Removable:
 
     @property
     def stddev(self) -> float:
-        """Standard deviation of `rms` [m]; for an `rms` near zero, the largest possible one."""
+        """Standard deviation of `rms` [m]; for an `rms` near zero, its largest possible value."""
         if self.mean_square > self.mean_square_stddev:
             return 0.5 * self.mean_square_stddev / self.rms
         return math.sqrt(self.mean_square_stddev)
 
     @property
     def share(self) -> float:
-        """Share of the mean square that a better model could remove, in [0, 1]."""
+        """Share of the residual's mean square that a better model could remove, in [0, 1]."""
         return min(self.rms**2 / self.total**2, 1.0) if self.total > 0.0 else 0.0
 
 

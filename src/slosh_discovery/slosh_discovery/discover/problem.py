@@ -75,7 +75,7 @@ class SharedNoise:
         return self._scaled(white, np.sqrt(1.0 + self.variances) - 1.0)
 
     def expected(self, values: Array) -> Array:
-        """Returns the probable correlated noise (N,) in values that also have white noise."""
+        """Returns the expected correlated part (N,) of values that also have white noise."""
         share = self.variances / (1.0 + self.variances)
         return np.asarray(self.directions @ (share * (self.directions.T @ values)))
 
@@ -156,7 +156,7 @@ class PreparedMotion:
         return white if self._shared is None else self._shared.removed(white)
 
     def _of_sensor(self, difference: Array) -> Array:
-        """Whitens a series [m], or each column of several, with the sensor's noise only."""
+        """Whitens one or several series of height differences [m] with the sensor's noise only."""
         scale = (
             self._scale if difference.ndim == 1 or not self._scale.ndim else self._scale[:, None]
         )
@@ -171,7 +171,7 @@ class PreparedMotion:
 
     @property
     def slow_share(self) -> float:
-        """Fraction of the noise variance, other than of the inputs, that is correlated in time."""
+        """Fraction of the noise variance (without the inputs' noise) correlated in time."""
         blurred = 0.0
         if self.blur is not None:
             blur = self.blur[self.kept]
@@ -204,7 +204,7 @@ class PreparedMotion:
         return simulate_all([(model, self)])[0]
 
     def inputs_for(self, model: Model) -> Inputs:
-        """Returns the coarse or the fine inputs, whichever the model's response must use."""
+        """Returns the inputs on the time grid that the model's response needs: coarse or fine."""
         shifted = not (self.motion.same_clock and reading_clock(model).same)
         return self.fine if shifted else self.coarse
 
@@ -375,7 +375,7 @@ def _resampled(inputs: Inputs, moments: Array, spacing: float) -> Inputs:
 
 
 def _averaged(t: Array, values: Array, moments: Array, width: float) -> Array:
-    """Interpolates values at given times; averages them where they are dense."""
+    """Interpolates values at given times, averaged over `width` [s] if the samples are dense."""
     if len(t) < 3 or float(np.median(np.diff(t))) > 0.5 * width:
         return columns_at(moments, t, values)
     steps = np.diff(t)[:, np.newaxis]

@@ -160,7 +160,7 @@ def _problem_of(
 
 
 def _thinned(motion: MeasuredMotion) -> MeasuredMotion:
-    """Keeps at most COLUMNS wall heights of a motion, since neighbours are redundant."""
+    """Keeps at most COLUMNS azimuths of a motion's heights, since neighbours are redundant."""
     if (
         motion.eta is None
         or motion.eta_azimuth is None

@@ -193,7 +193,7 @@ class Search:
                 self._extend(pool, one, TUNING.promising, 1, FORETOLD)
 
     def _replace_unlikely(self, pool: Pool) -> None:
-        """Tries every other effect in place of an improbable one.
+        """Tries every other physical effect in place of an improbable effect.
 
         What is far from linear, as a wrong fill height is, promises little and does much.
         """
@@ -261,7 +261,7 @@ class Search:
 
     @staticmethod
     def _ways(explanation: Explanation, name: str) -> tuple[bool, ...]:
-        """Returns how to share an effect's parameters: one set for all groups, or one for each."""
+        """Returns how an effect's parameters may differ: not at all, or between groups as well."""
         return (False, True) if _may_differ(explanation, name) else (False,)
 
     def _may_join(self, name: str, explanation: Explanation) -> bool:

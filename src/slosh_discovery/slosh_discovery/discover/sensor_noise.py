@@ -118,7 +118,7 @@ class _Part:
 
 @dataclass(frozen=True, slots=True)
 class _Shape:
-    """Autocorrelation of a noise, and the ratio of its part from time jitter to the rest.
+    """Autocorrelation of a noise, and the variance ratio of stamp jitter to correlated noise.
 
     Attributes:
         correlation: of the part that remembers, between neighbouring samples.
@@ -183,7 +183,7 @@ def _slow_part(size: float, shape: _Shape) -> float:
 
 
 def _spikes(parts: Sequence[_Part]) -> float:
-    """Returns the fraction of samples that are far from their neighbours in time."""
+    """Returns the fraction of samples whose value is far from neighbouring samples' values."""
     off = np.abs(np.concatenate([_deviations(part, _SMOOTH) for part in parts]))
     return float(np.mean(off > TUNING.spike * robust_scale(off)))
 
@@ -301,7 +301,7 @@ def _liquid(part: _Part) -> Array:
 
 
 def _whitening(part: _Part, shape: _Shape) -> Whitening:
-    """Creates the whitening filter for a noise of unit size."""
+    """Creates the whitening filter for a noise whose standard deviation is 1."""
     neighbours = part.neighbours(_spacing(part))
     return Whitening.of(neighbours, 1.0, shape.correlation, shape.ratio * part.speed_square)
 
@@ -371,7 +371,7 @@ def _most_likely(parts: Sequence[_Part], start: _Shape, likelihood: _Likelihood)
 
 
 def _deviations(part: _Part, shape: _Shape) -> Array:
-    """Returns deviations (N,) [m] of samples from their prediction by all others."""
+    """Returns deviations (N,) [m] of samples from their prediction by all other samples."""
     score, root = _whitening(part, shape).foretold(part.residual)
     return np.asarray(score / root)
 

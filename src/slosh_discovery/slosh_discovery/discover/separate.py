@@ -44,7 +44,7 @@ SIZES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)
 
 @dataclass(frozen=True, slots=True)
 class _Pair:
-    """Two models, and the limits of a motion that is to distinguish them.
+    """Two models, and the height and acceleration limits of a motion that distinguishes them.
 
     Attributes:
         first, second: the models.
@@ -189,7 +189,7 @@ def _by_merit(trial: _Trial) -> float:
 
 
 def _largest(pair: _Pair, motion: CandidateMotion) -> _Trial | None:
-    """Returns the trial with the largest amplitude without spilling; None if each one spills."""
+    """Returns the trial with the largest amplitude without spilling; None if all trials spill."""
     for size in SIZES:
         sized = replace(motion, acceleration=size * pair.limit)
         trial = _try(pair, sized)

@@ -130,7 +130,7 @@ def change_with_time(
 
 
 def _changing(one: Fit, index: int, shape: Array, *, between: bool) -> _Changing:
-    """Returns the linearised fit with one time-varying parameter; the others are refitted."""
+    """Returns the linearised fit with one time-varying parameter; refits all other parameters."""
     others, _ = np.linalg.qr(one.jacobian)
     columns = shape * one.jacobian[:, index : index + 1]
     columns = columns - others @ (others.T @ columns)
@@ -140,7 +140,7 @@ def _changing(one: Fit, index: int, shape: Array, *, between: bool) -> _Changing
 
 
 def _matters(best: _Changing, pool: Pool, motions: Sequence[PreparedMotion]) -> bool:
-    """Returns whether a change explains a large part of the residual."""
+    """Returns whether a parameter's change with time explains a large part of the residual."""
     one, count = best.one, len(best.residual)
     name = one.explanation.free[best.index].effect.name
     without = pool.find(one.explanation.without(name)) or pool.base

@@ -246,7 +246,7 @@ def trust_in(before: Leftover, after: Leftover) -> float:
 
 
 def _rivals(name: str, ranked: Sequence[tuple[Fit, float]]) -> tuple[str, ...]:
-    """Returns physical effects that could replace a given one with about the same probability."""
+    """Returns the effects that could replace a found effect with about the same probability."""
     best, share = ranked[0]
     others = set(best.explanation.effects) - {name}
     found: list[str] = []
@@ -309,7 +309,7 @@ def other_frequency(base: Fit, motions: Sequence[PreparedMotion]) -> OtherFreque
 
 
 def _unlike(base: Fit, motions: Sequence[PreparedMotion], factor: float) -> float:
-    """Returns the fraction of the heights' power unexplained with a scaled natural frequency."""
+    """Returns the fraction of the heights' power that a scaled natural frequency leaves over."""
     models = [
         base.model_of(one.motion.group).with_effect(EFFECT, factor=factor) for one in motions
     ]

@@ -47,7 +47,7 @@ class _Residual:
 
 
 def where(findings: Sequence[MotionFinding], model: Model) -> tuple[WhereRow, ...]:
-    """Returns the residual by time, phase, amplitude, direction, frequency and input.
+    """Returns the rms residual by time, phase, amplitude, direction, frequency and input.
 
     In a row by frequency, `before` and `after` are the band's part of the whole residual's rms
     (their squares add up); in the other partitions the rms over the samples of that part.
@@ -253,7 +253,7 @@ def _input_rows(residuals: Sequence[_Residual], model: Model) -> Iterator[WhereR
 
 
 def _envelope(residual: _Residual, series: Array, period: float) -> Array:
-    """Returns the running rms (M,) of a residual over one period; NaN where not measured."""
+    """Returns a residual's running rms (M,) over one oscillation period; NaN if not measured."""
     spacing = float(np.median(np.diff(residual.finding.motion.t)))
     width = max(round(period / spacing), 1)
     present = np.isfinite(series)
@@ -264,7 +264,7 @@ def _envelope(residual: _Residual, series: Array, period: float) -> Array:
 
 
 def _following(envelope: Array, quantity: Array) -> float:
-    """Returns how well a residual's size correlates with a quantity; negative values become 0."""
+    """Returns the correlation of a residual's size with another quantity, at least 0."""
     kept = np.isfinite(envelope) & np.isfinite(quantity)
     one, two = envelope[kept], quantity[kept]
     if len(one) < 3 or not (one.std() > 0.0 and two.std() > 0.0):

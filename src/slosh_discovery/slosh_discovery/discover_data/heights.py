@@ -21,7 +21,7 @@ LEAST = 5
 
 
 class Still(NamedTuple):
-    """Level of the surface at rest, and the noise of the heights then [m]."""
+    """Still level of the surface, and noise of the heights at rest [m]."""
 
     level: float
     noise: float

@@ -136,7 +136,7 @@ def _is_of_event(path: Path) -> bool:
 
 
 def _once(motions: Sequence[DayMotion]) -> list[DayMotion]:
-    """Returns the motions, each once; of copies in several event bags the longest."""
+    """Returns each motion once; of its copies in several event bags, the longest."""
     kept: list[DayMotion] = []
     for entry in sorted(motions, key=lambda entry: -_length(entry)):
         if entry.span_ns is None or not any(_overlap(entry, other) for other in kept):
@@ -250,7 +250,7 @@ def _motion_of(name: str, recording: BagRecording, part: Part) -> MeasuredMotion
 
 
 def _disagreement(recording: BagRecording, part: Part) -> float:
-    """Returns the rms of the recorded residuals over a part [m]; NaN without residuals."""
+    """Returns the rms of recorded residuals in part of a recording [m]; NaN without residuals."""
     stamps, values = recording.residuals
     first, last = np.searchsorted(stamps, (part.heights_start, part.end + 1))
     if first == last:
@@ -341,7 +341,7 @@ def motion_of_table(
 def _profile_motion(
     path: Path, name: str, table: MotionTable, model: Model | None
 ) -> MeasuredMotion:
-    """Fits a line to each surface profile; it gives the height at +x (TM20, eqs. (11), (12))."""
+    """Fits a line to each surface profile, which gives heights at +x (TM20, eqs. (11), (12))."""
     if model is None:
         raise SloshDiscoveryError(f"{path}: holds a profile; its width is known only with a model")
     assert table.profile is not None and table.profile_x is not None  # noqa: PT018  # by the caller

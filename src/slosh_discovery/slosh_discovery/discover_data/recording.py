@@ -268,7 +268,7 @@ class PoseAttitudes:
 
 
 def _cover(stamps: Stamps, wanted: Stamps) -> bool:
-    """Returns whether stamps cover all wanted stamps without long gaps."""
+    """Returns whether recorded stamps cover all wanted stamps, without long gaps around them."""
     if len(stamps) < 2:
         return False
     after = np.clip(np.searchsorted(stamps, wanted), 1, len(stamps) - 1)

@@ -43,7 +43,7 @@ AT_REST_SHARE = 0.02
 
 
 class Part(NamedTuple):
-    """A part of a recording that becomes one measured motion; its limits are stamps [ns].
+    """A part of a recording that becomes one measured motion, from a start to an end stamp [ns].
 
     Attributes:
         start, end: of the inputs.

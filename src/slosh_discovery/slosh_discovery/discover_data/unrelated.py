@@ -97,7 +97,7 @@ def plain(model: Model) -> Model:
 
 
 def held_at_rest(motion: RecordedMotion, duration_ns: int) -> RecordedMotion:
-    """Extends a motion with a rest of given duration [ns] at its end.
+    """Extends a motion at its end by a standstill of a chosen duration [ns].
 
     A commanded motion ends where the container comes to rest; the camera goes on. The inputs go on
     with it: without acceleration, in the last attitude. A motion that is cut off stays as it is.

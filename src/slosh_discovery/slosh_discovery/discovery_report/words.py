@@ -243,7 +243,7 @@ def shown_confidence(value: float) -> str:
 
 
 def residual_rms(finding: MotionFinding, heights: Array) -> float:
-    """Returns the root mean square of measured minus model over all heights [m].
+    """Returns the rms of measured minus modelled heights over all heights [m].
 
     Of wall heights by azimuth it counts each, not only the highest.
     """

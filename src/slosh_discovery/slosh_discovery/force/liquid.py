@@ -38,7 +38,7 @@ def liquid_model(model: Model) -> Model:
 
 
 def modal_force(model: Model, inputs: Inputs, values: dict[str, float]) -> Array | None:
-    """Returns the modes' acceleration Σ (mₙ/m₁) ẍₙ (N, 3) [m/s²]; None if it is impossible.
+    """Returns the modes' acceleration Σ (mₙ/m₁) ẍₙ (N, 3) [m/s²]; None for impossible values.
 
     Args:
         model: the model.

@@ -144,7 +144,7 @@ def information(problem: Problem, vector: Array, colour: Colour) -> Array:
 
 
 def shared_information(full: Array, count: int) -> Array:
-    """Eliminates nuisance parameters from an information matrix; returns (P, P) for the others."""
+    """Eliminates nuisance parameters from an information matrix; returns (P, P) without them."""
     own = full[count:, count:]
     mixed = full[:count, count:]
     shared: Array = full[:count, :count] - mixed @ np.linalg.pinv(own, SINGULAR, True) @ mixed.T

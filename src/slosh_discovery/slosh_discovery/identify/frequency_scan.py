@@ -50,7 +50,7 @@ def scanned_start(problem: Problem) -> Array:
 
 
 def _distinct(problem: Problem) -> tuple[Trial, ...]:
-    """Returns the longest trials, at most one for each operating point."""
+    """Returns the longest motions, at most one for each operating point."""
     firsts = {trial.point: trial for trial in reversed(problem.trials)}
     longest = sorted(firsts.values(), key=lambda trial: -float(np.ptp(trial.prepared.t)))
     return tuple(longest[: TUNING.scan_trials])

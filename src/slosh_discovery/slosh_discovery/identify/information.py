@@ -1,4 +1,4 @@
-"""Finds which parameters the motions identify, and motions that would identify the others."""
+"""Finds which parameters the motions identify, and motions that would identify all others."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ ALIASES = {"p": "accel_gain.gain", "fill_height": FILL_HEIGHT}
 
 @dataclass(frozen=True, slots=True)
 class FreeParameter:
-    """A parameter to be fitted.
+    """A model parameter that an identification fits.
 
     Attributes:
         name: as in model.yaml: `damping_ratio`, `natural_frequency`, `container.fill_height`,

@@ -110,7 +110,7 @@ class Problem:
         return fitted_model(self.model, values)
 
     def predicted(self, vectors: Sequence[Array]) -> list[list[Array | None]]:
-        """Returns heights (times, azimuths) [m] for each vector and trial; None if unsolvable."""
+        """Returns heights (times, azimuths) [m] by parameter vector and trial; else None."""
         models = [self.model_at(vector) for vector in vectors]
         liquid = self._from_rest(models)
         return [
@@ -122,7 +122,7 @@ class Problem:
         ]
 
     def residuals(self, vectors: Sequence[Array]) -> Array:
-        """Returns measured minus predicted heights [m], one column (N,) for each vector."""
+        """Returns measured minus predicted heights [m], one column (N,) per vector of unknowns."""
         columns = []
         for answers in self.predicted(vectors):
             parts = [self._part(t, a) for t, a in zip(self.trials, answers, strict=True)]

@@ -171,7 +171,7 @@ def _is_stroke(inputs: Inputs, first: int, last: int) -> bool:
 
 
 def _integrated(rates: Array, t: Array) -> Array:
-    """Returns the integral (N,) from the first sample on, by the trapezoidal rule."""
+    """Returns the integral (N,) of a time series from its first sample on (trapezoidal rule)."""
     steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(t)
     return np.concatenate([np.zeros(1), np.cumsum(steps)])
 
@@ -193,7 +193,7 @@ def _rise_rows(inputs: Inputs) -> tuple[int, int] | None:
 
 
 def _distinct(points: Sequence[OperatingPoint]) -> tuple[OperatingPoint, ...]:
-    """Returns the operating points, with labels changed where equal."""
+    """Returns the operating points; replaces equal labels by the first motion's name."""
     labels = [point.label for point in points]
     return tuple(
         OperatingPoint(
@@ -208,7 +208,7 @@ def _distinct(points: Sequence[OperatingPoint]) -> tuple[OperatingPoint, ...]:
 def _place(
     inputs: Inputs, known: Sequence[Inputs], alike: Callable[[Inputs, Inputs], bool]
 ) -> int:
-    """Returns the index of an equal known input; if none is equal, the number of known inputs."""
+    """Returns the index of an equal input in `known`, or its length if no input is equal."""
     found = (number for number, other in enumerate(known) if alike(inputs, other))
     return next(found, len(known))
 

@@ -1,4 +1,4 @@
-"""Finds the speed up to which the surface is a straight line, and the estimator's limits.
+"""Finds the speed up to which the surface is a straight line; limits a model's validity to it.
 
 A model of the surface's slope holds while the surface is a line (TM20, §2.3). How far it is from
 one is measured on profiles, speed by speed. A live estimator knows of no operating speed: what it
@@ -72,7 +72,7 @@ class LineLimit:
 def line_limit(
     motions: Sequence[MeasuredMotion], ratio: float, tolerance: float = TOLERANCE
 ) -> LineLimit | None:
-    """Finds the speeds at which the surface is a straight line; None if no profile is known.
+    """Finds the speeds at which the surface is a straight line; None without surface profiles.
 
     Args:
         motions: those with a profile and an operating speed count.
@@ -97,7 +97,7 @@ def line_limit(
 
 
 def count_within(errors: Sequence[float], tolerance: float) -> int:
-    """Returns how many speeds, counted from the slowest, keep the tolerance."""
+    """Returns how many speeds, from the slowest on, have an error within the tolerance."""
     return next(
         (place for place, error in enumerate(errors) if not error <= tolerance), len(errors)
     )

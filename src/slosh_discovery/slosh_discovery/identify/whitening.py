@@ -61,7 +61,7 @@ class White:
         return cls(neighbours, colour, scale, tuple(shared))
 
     def applied(self, values: Array) -> Array:
-        """Whitens a series [m], or each column of several series, to unit variance."""
+        """Whitens a series of heights [m], or each column of several, to unit variance."""
         scale = self.scale if values.ndim == 1 else self.scale[:, np.newaxis]
         white = self.neighbours.whitened(values / scale, self.colour)
         for rows, noise in self.shared:

@@ -129,7 +129,7 @@ def _limited(result: IdentifiedModel, line: LineLimit | None) -> IdentifiedModel
 
 
 def answered(motions: Sequence[MeasuredMotion], model: Model) -> tuple[FittedMotion, ...]:
-    """Returns a model's responses to motions; only clocks and initial states are fitted.
+    """Returns a model's responses to motions; fits only clock offsets and initial states.
 
     Of the answers `before` and `after` are the same.
     """
@@ -178,7 +178,7 @@ def _identified(
 
 
 def _fit_known(problem: Problem) -> tuple[FittedVector, tuple[Unidentified, ...]]:
-    """Fits the identifiable parameters; the others keep their values.
+    """Fits the identifiable parameters; all other parameters keep their values.
 
     Raises:
         SloshDiscoveryError: they tell of nothing.
@@ -215,7 +215,7 @@ def _found(estimate: FittedVector) -> tuple[FoundParameter, ...]:
 
 
 def _derived(base: Model, estimate: FittedVector) -> tuple[FoundParameter, ...]:
-    """Derives frequency and damping of the first mode, and factor p, unless they are fitted."""
+    """Derives first mode's frequency and damping, and factor p of TM20, unless they are fitted."""
     problem = estimate.problem
     names = [parameter.name for parameter in problem.parameters]
     wanted: list[tuple[str, str, Callable[[Model], float]]] = [

@@ -24,14 +24,14 @@ from slosh_msgs_py.stamps import to_nanoseconds
 
 
 class _Camera(NamedTuple):
-    """The monitor of a camera's container, and its diagnostics."""
+    """The monitor of one container that has its own camera, and the monitor's diagnostics."""
 
     monitor: ContainerMonitor
     health: MonitorHealth
 
 
 class ContainerCameras:
-    """Compares the heights of further cameras with the estimates of their containers.
+    """Compares heights from all cameras except the first with their containers' estimates.
 
     Args:
         node: the monitor.
@@ -73,7 +73,7 @@ class ContainerCameras:
             )  # fmt: skip
 
     def carry(self, tray: Tray | None, stamp_ns: int, settings: MonitorSettings) -> None:
-        """Replaces the tray's containers from a stamp [ns] on; None means that no tray is held."""
+        """Replaces the tray's containers after a stamp [ns]; None: no tray is held."""
         self._complaint = ""
         for name in self._names:
             try:
@@ -101,7 +101,7 @@ class ContainerCameras:
             camera.monitor.change_settings(settings, stamp_ns)
 
     def reset(self) -> None:
-        """Resets the accuracy statistics of all further cameras."""
+        """Resets the accuracy statistics of all cameras except the first."""
         for camera in self._cameras.values():
             camera.monitor.core.reset_accuracy()
 
@@ -121,7 +121,7 @@ class ContainerCameras:
             self._publish(camera, camera.monitor.core.add_measurement(point, self._arrival()))
 
     def check(self) -> None:
-        """Checks the timeouts of all further cameras."""
+        """Checks the timeouts of all cameras except the first."""
         for camera in self._cameras.values():
             self._publish(camera, camera.monitor.core.check(self._arrival()))
 
@@ -134,7 +134,7 @@ class ContainerCameras:
             self._announce(event, name)
 
     def health(self, first: Health) -> Health:
-        """Returns the worst health among all cameras, of which the first one's is given."""
+        """Returns the worst health of all cameras; `first` is the first camera's health."""
         found = [first]
         for name, camera in self._cameras.items():
             surfaces = self._counts[topics.of_container(topics.FREE_SURFACE, name)]
@@ -148,7 +148,7 @@ class ContainerCameras:
         return worst, "; ".join(text for level, text in found if level == worst)
 
     def facts(self) -> dict[str, Any]:
-        """Returns each further camera's accuracy, for the diagnostics."""
+        """Returns the accuracy at each camera except the first, for the diagnostics."""
         found: dict[str, Any] = {}
         for name, camera in self._cameras.items():
             core = camera.monitor.core
@@ -163,7 +163,7 @@ class ContainerCameras:
 
 
 def container_point(message: TrayEstimate, index: int) -> EstimatePoint:
-    """Returns the estimate of one container of a tray, counted from 0."""
+    """Returns the estimate of one container from a tray's estimates; `index` is from 0."""
     return EstimatePoint(
         to_nanoseconds(message.header.stamp),
         message.linear_msh[index],

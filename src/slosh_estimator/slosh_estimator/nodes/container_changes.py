@@ -39,7 +39,7 @@ class _Waiting(NamedTuple):
 
 
 class ContainerChanges:
-    """Serves `change_container`, schedules later changes and publishes the current one.
+    """Serves `change_container`, schedules later changes, publishes the current container.
 
     Args:
         node: the estimator's.

@@ -32,7 +32,7 @@ def imu_vectors(values: Sequence[float]) -> tuple[Vector, Vector | None]:
 
 
 def fill(message: SloshEstimate, estimate: Estimate, wall: Wall) -> None:
-    """Writes an estimate, without its flags, into a reused message."""
+    """Writes an estimate, without its flags, into a message that is reused."""
     sample = estimate.sample
     stamp = message.header.stamp
     stamp.sec, stamp.nanosec = divmod(sample.stamp_ns, SECOND)

@@ -292,7 +292,7 @@ class EstimatorNode(PreparedNode):
         )  # fmt: skip
 
     def _mount(self, parameters: Mapping[str, Any]) -> InputSettings:
-        """Applies the mounting from fixed transforms before any sample is used."""
+        """Applies the sensor mounting that fixed transforms give, before any sample is used."""
         self._given.update(parameters)
         told = ", ".join(f"{name} = {value}" for name, value in parameters.items())
         self.get_logger().info(f"mounted as {topics.TF_STATIC} says: {told}")
@@ -303,7 +303,7 @@ class EstimatorNode(PreparedNode):
         return InputSettings.from_parameters(self._known)._replace(modes=modes)
 
     def _feel_gravity(self) -> None:
-        """Restarts the models so that gravity follows the attitude that transforms now provide."""
+        """Restarts the models with gravity by attitude, which transforms now provide."""
         at_rest = self._values["starts_at_rest"]
         self._estimator.load_model(
             self._prepared(self._tray.first.placed), empty=self._tray.first.empty
@@ -359,7 +359,7 @@ class EstimatorNode(PreparedNode):
             self._report.latency(self._now() - sample.stamp_ns)
 
     def _publish_tray(self, sample: Sample, estimate: Estimate) -> None:
-        """Estimates the tray's other containers; publishes all at a reduced rate."""
+        """Estimates the tray's further containers; publishes all at a reduced rate."""
         tray = self._others.update(sample, estimate)
         self._flags |= functools.reduce(operator.or_, tray.flags)
         if not 0 <= sample.stamp_ns - self._tray_ns < TUNING.tray_ns:
@@ -368,7 +368,7 @@ class EstimatorNode(PreparedNode):
             self._trays.publish(self._tray_message)
 
     def _take(self, index: int, held: HeldContainer, tray: Tray) -> int:
-        """Replaces the container of one tray place; returns the last stamp before the change [ns].
+        """Replaces one tray place's container; returns the last stamp before the change [ns].
 
         Args:
             index: of the place on the tray, from 0; of one container 0.

@@ -43,7 +43,7 @@ class InputHealth:
         self._faulty_since = 0
 
     def facts(self, total: int) -> dict[str, str]:
-        """Returns diagnostic values about messages that are published but not received.
+        """Returns diagnostic values on input messages that are published but do not arrive.
 
         Args:
             total: messages that it has heard.

@@ -189,7 +189,7 @@ class InputSubscription:
         return found
 
     def _too_many(self) -> str:
-        """Returns a line about two publishers of the same joints; empty if there is one."""
+        """Names a second publisher of the same joints in one line; empty if there is none."""
         if not isinstance(self.poses, JointPoses):
             return ""
         name = self._node.resolve_topic_name(TOPIC_NAMES[self._kind])
@@ -283,7 +283,7 @@ class InputSubscription:
             self._on_poses([TimedPose(stamp, place, quaternion)], frame)
 
     def _on_chained(self, poses: TransformPoses, links: list[Transform]) -> None:
-        """Computes container poses from transforms of a chain, and processes the poses."""
+        """Computes container poses from a chain of transforms, and processes these poses."""
         before = poses.since_ns
         found = poses.take(links)
         if poses.since_ns and poses.since_ns != before:  # what a replay must know

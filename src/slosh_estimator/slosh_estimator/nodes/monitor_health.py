@@ -54,7 +54,7 @@ class MonitorHealth:
         return self._silence(now_ns) or self._blindness(now_ns) or self._state(now_ns, mismatch)
 
     def facts(self, counts: Mapping[str, int]) -> dict[str, str]:
-        """Returns diagnostic values about messages that are published but not received.
+        """Returns diagnostic values on topics whose messages are published but do not arrive.
 
         Args:
             counts: messages so far, by topic.

@@ -182,7 +182,7 @@ class MonitorNode(GuardedNode):
             self._on_change(changed)
 
     def _on_container(self, message: ContainerChange) -> None:
-        """After a change of the container, applies the new one's limits to later data."""
+        """After a change of the container, applies the new container's limits to later data."""
         try:
             model = parse_model(message.model, topics.CONTAINER) if message.model else None
         except ValueError as error:
@@ -361,7 +361,7 @@ def announced_tray(message: NodeSettings) -> Tray | None:
 
 
 class PredictionWatch:
-    """Compares the predictions of a node with measured motions and publishes outcomes.
+    """Compares predicted with measured peak heights of motions and publishes the outcomes.
 
     Args:
         node: the node.

@@ -83,7 +83,7 @@ class ObserverOutput:
         self._watch = CalmWatch(tolerance)
 
     def warning(self) -> str:
-        """Returns a warning if the tolerance lets any wave count as calm; else empty."""
+        """Returns a warning if the calmness tolerance would pass any wave as calm; else empty."""
         refusal = self._refusal(self._watch.tolerance, 0.0)
         return f"calm_tolerance: {refusal}" if refusal else ""
 
@@ -153,7 +153,7 @@ class ObserverOutput:
         return wait.result()
 
     def _refusal(self, tolerance: float, timeout: float) -> str:
-        """Returns why a goal cannot be reached, in one line; empty if it can."""
+        """Returns why a calmness goal is invalid, in one line; empty if it is valid."""
         reach = max(self.observer.reaches)
         if not 0.0 <= tolerance < reach:
             return (
@@ -176,7 +176,7 @@ class _Wait:
         self.done: Future = Future()
 
     def update(self, state: FusedState) -> None:
-        """Updates the goal's calm state from a fused state."""
+        """Updates the action's calmness from a fused state of the observer."""
         fill_calm(self._state, self._watch.update(state))
 
     def tell(self, told: Calm) -> None:
@@ -206,7 +206,7 @@ class _Wait:
 
 
 def words(state: Calm) -> str:
-    """Describes in words why the liquid is not calm."""
+    """Describes in words why the liquid is not calm, or that it is."""
     return {
         Calm.MOVING: "the container moves",
         Calm.SETTLING: f"the wave reaches {1e3 * state.envelope:.1f} mm",
@@ -247,7 +247,7 @@ def fill_observer_state(message: ObserverStateMessage, state: ObserverState) -> 
 
 
 def fill_stale(message: Calm, tolerance: float) -> None:
-    """Writes into a reused message that the input is silent; `tolerance` is that for calm [m]."""
+    """Writes calmness STALE (no input) and the tolerance [m] into a reused message."""
     message.calm, message.reason = False, int(CalmReason.STALE)
     message.tolerance = tolerance
     message.envelope = message.bound = message.time_until_calm = math.nan

@@ -72,7 +72,7 @@ class SecondSource:
         self._accused = False
 
     def told(self, stamp_ns: int, frame: str, force: Vector, rate: Vector | None) -> None:
-        """Adds specific force and angular velocity of a sensor to the check of its mounting."""
+        """Adds a sensor's specific force and angular velocity to the check of its mounting."""
         if self._subscription is None:
             return
         if self._watch is None:
@@ -131,7 +131,7 @@ class SecondSource:
 
     @property
     def _names(self) -> tuple[str, str]:
-        """Returns two input types: the motion sensor's, and that of the other source of motion."""
+        """Returns the input types of the motion sensor and of the other source of motion."""
         pair = self._kind, self._other
         return pair if self._senses else (pair[1], pair[0])
 

@@ -92,7 +92,7 @@ class SensorNode(GuardedNode):
         self._settings.publish({PAYLOAD: text} if text else {})
 
     def _hear_force(self, unstamped: str, kind: str) -> None:
-        """Subscribes to forces; publishes unstamped ones again with stamps, for the recorder."""
+        """Subscribes to forces; republishes unstamped forces with stamps, to be recorded."""
         if not unstamped:
             self.create_subscription(WrenchStamped, topics.FORCE, self._on_force, qos.STREAM_IN)
             return
@@ -110,7 +110,7 @@ class SensorNode(GuardedNode):
         self.create_subscription(UNSTAMPED[kind], unstamped, on_unstamped, qos.STREAM_IN)
 
     def _on_settings(self, message: NodeSettings) -> None:
-        """Takes over the estimator's model at first and after each change."""
+        """Adopts the estimator's model from its published settings, at first and when changed."""
         model = announced_model(message)
         if model is None or model == self._model:
             return
@@ -192,7 +192,7 @@ class SensorNode(GuardedNode):
 
 
 def _read_payload(path: str) -> tuple[Payload | None, str]:
-    """Reads the identified payload, and the text of its file."""
+    """Reads the payload file of a force sensor; returns payload and text, None without file."""
     if not path:
         return None, ""
     try:

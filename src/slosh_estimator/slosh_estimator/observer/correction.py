@@ -72,7 +72,7 @@ def _widened(covariance, variance):  # type: ignore[no-untyped-def]
 
 @compiled
 def _tested(covariance, rows, innovations, variances, shared, gate):  # type: ignore[no-untyped-def]
-    """Returns the normalised innovation of a measurement, divided by the acceptance limit."""
+    """Returns a measurement's normalised innovation as a multiple of the acceptance limit."""
     count = innovations.shape[0]
     wide = _widened(covariance, shared)
     total = _update(np.zeros(wide.shape[0]), wide, rows, innovations, variances)
@@ -152,7 +152,7 @@ def measured(  # type: ignore[no-untyped-def]
 
 @compiled
 def _corrected(blocks, mean, row):  # type: ignore[no-untyped-def]
-    """Applies a correction of the state at the reference time to a later stored state."""
+    """Applies a correction, made at the reference time, to a state stored later."""
     states = 2 * blocks.shape[0]
     by_gain = 2.0 * mean[states + FREQUENCY]
     row[HEIGHT_X] *= 1.0 + by_gain
@@ -171,7 +171,7 @@ def _corrected(blocks, mean, row):  # type: ignore[no-untyped-def]
 
 @compiled
 def expected_heights(blocks, one, two, moment):  # type: ignore[no-untyped-def]
-    """Interpolates modal heights, their rates and the axes' angle at a time between two rows."""
+    """Interpolates modal heights, their rates and the axes' angle between two stored rows."""
     whole = two[TIME] - one[TIME]
     share = (moment - one[TIME]) / whole if whole > 0.0 else 0.0
     heights = (
@@ -189,7 +189,7 @@ def expected_heights(blocks, one, two, moment):  # type: ignore[no-untyped-def]
 def carry_correction(  # type: ignore[no-untyped-def]
     store, ring, at, last, blocks, mean, moment, is_added
 ):
-    """Adds a correction to all later rows of the ring buffer, and to the model."""
+    """Adds a correction to all later states in the ring buffer, and to the model."""
     kept, start = ring.shape[0], moment
     if ring[at % kept, TIME] == moment and not is_added:
         _corrected(blocks, mean, ring[at % kept])

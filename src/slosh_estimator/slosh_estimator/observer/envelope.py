@@ -41,7 +41,7 @@ from slosh_model.layout import records
 
 @compiled
 def _half_axis(wave):  # type: ignore[no-untyped-def]
-    """Returns the longer half axis of a wave's ellipse, from position x, y and rate x, y [m]."""
+    """Returns the longer half axis [m] of a wave's elliptic motion, from x, y and scaled rates."""
     squares = wave[0] ** 2 + wave[1] ** 2 + wave[2] ** 2 + wave[3] ** 2
     area = wave[0] * wave[3] - wave[1] * wave[2]
     rest = max(squares * squares - 4.0 * area * area, 0.0)
@@ -50,7 +50,7 @@ def _half_axis(wave):  # type: ignore[no-untyped-def]
 
 @compiled
 def _moved(rows, covariance, states):  # type: ignore[no-untyped-def]
-    """Returns changes of the wave (4, 2) per unit error of frequency and damping.
+    """Returns how the wave (4, 2) changes per unit error of frequency and of damping.
 
     The state is linear in them: by the covariance at the anchor and by what has come since.
     """
@@ -70,7 +70,7 @@ def _moved(rows, covariance, states):  # type: ignore[no-untyped-def]
 
 @compiled
 def _left(row, moves, covariance, states):  # type: ignore[no-untyped-def]
-    """Returns the wave's variance that errors of frequency and damping do not explain."""
+    """Returns the part of the wave's variance not due to errors of frequency and damping."""
     explained = 0.0
     for i in range(2):
         for j in range(2):
@@ -80,7 +80,7 @@ def _left(row, moves, covariance, states):  # type: ignore[no-untyped-def]
 
 @compiled
 def _worst(wave, moves, errors):  # type: ignore[no-untyped-def]
-    """Returns the largest half axis of a wave over likely errors of frequency and damping."""
+    """Returns the largest wave half axis [m] over likely errors of frequency and damping."""
     trial, highest = np.zeros(4), _half_axis(wave)
     for i in range(3):
         frequency = 0.5 * (i * errors[HIGH_FREQUENCY] + (2 - i) * errors[LOW_FREQUENCY])
@@ -96,7 +96,7 @@ def _worst(wave, moves, errors):  # type: ignore[no-untyped-def]
 
 @compiled
 def envelope(store, blocks, covariance, averages, errors, out):  # type: ignore[no-untyped-def]
-    """Computes the largest height, its standard deviations and the rate of its decay.
+    """Computes the largest height the wave can reach, its standard deviations and decay rate.
 
     The standard deviations are bounded from above; that of the worst height is of one direction.
     """

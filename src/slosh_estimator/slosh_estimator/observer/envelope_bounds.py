@@ -29,7 +29,7 @@ class Envelope(NamedTuple):
     slowest: float
 
     def bound(self, deviations: float) -> float:
-        """Returns the lower of two upper bounds of the height [m], a number of sigmas above it.
+        """Returns an upper bound of the height [m], a number of standard deviations above it.
 
         The worst height has an error along the wave and one across it, which matters where there
         is hardly a wave.
@@ -39,7 +39,7 @@ class Envelope(NamedTuple):
 
 
 class EnvelopeBounds:
-    """Upper bounds of the wave's envelope: at 95 %, and a safer one that decides if it is calm.
+    """Upper bounds of the wave's envelope [m]: at 95 %, and with more margin to judge calmness.
 
     In motion, and at each measurement, a bound is a height and some of its deviations: those of
     the filter, or, where they are less, those of the worst model that calm allows for.

@@ -207,7 +207,7 @@ class Observer:
         return inside
 
     def _follow_motion(self, sample: Sample) -> None:
-        """Detects the container's motions; clears the mean acceleration when one has ended."""
+        """Detects the container's motions; clears the mean acceleration at a motion's end."""
         self._motions.add_one(sample.stamp_ns, (sample.ax, sample.ay, sample.az))
         spans = self._motions.spans
         if not spans:
@@ -265,7 +265,7 @@ class Observer:
         return Outcome.USED
 
     def _is_another_wave(self, moment: float, points: Array) -> bool:
-        """Resets the wave and fits it to measured points; returns False if none fits."""
+        """After many rejections, fits a new wave to measured points; returns False if it fails."""
         shown = len(points) >= TUNING.shape_points
         if self._rejected < (TUNING.reopen if shown else TUNING.reopen_unseen):
             return False
@@ -277,7 +277,7 @@ class Observer:
         return False
 
     def _move_anchor(self) -> None:
-        """Moves the reference time to the middle of the stored inputs, to free the oldest."""
+        """Moves the filter's reference time to the middle of the stored inputs."""
         middle = self._ring[(self._first + len(self._ring) // 2) % len(self._ring)]
         self._corrected(float(middle[layout.TIME]), _NO_POINTS)
 
@@ -324,7 +324,7 @@ class Observer:
         self._spread(self._largest)
 
     def _spread(self, height: float) -> None:
-        """Sets the prior standard deviation of each mode's wave height [m]."""
+        """Sets the covariance of all modes from a standard deviation of wave height [m]."""
         states = len(self._covariance) - layout.PARAMETERS
         self._covariance[:states], self._covariance[:, :states] = 0.0, 0.0
         place = height / self._blocks[:, layout.GAIN]
@@ -352,7 +352,7 @@ class Observer:
         )  # fmt: skip
 
     def _bounded(self, out: list[float], slowest: float) -> tuple[float, float]:
-        """Returns the bounds of the wave's envelope, at least the wave that measurements show."""
+        """Returns two bounds of the wave's envelope [m], not below the wave in measurements."""
         since = math.inf if self._moved_ns is None else self._newest_ns - self._moved_ns
         bound, sure = self._bounds.update(
             Envelope(

@@ -52,7 +52,7 @@ def _oscillation(stiffness, decay, dt):  # type: ignore[no-untyped-def]
 
 @compiled
 def _step(block, swing, dt, lift, density, q, u):  # type: ignore[no-untyped-def]
-    """Propagates transition, sensitivity and noise of a group of states by a time step dt.
+    """Propagates the matrices of one mode and axis by a time step dt [s].
 
     swing: its transition matrix over dt; q, u: its state.
     """
@@ -107,7 +107,7 @@ def anchored(blocks):  # type: ignore[no-untyped-def]
 
 @compiled
 def averaged(run, averages, time, dt):  # type: ignore[no-untyped-def]
-    """Updates the running mean of the acceleration on the liquid, and of its noise."""
+    """Updates the running mean of the acceleration on the liquid, and its noise density."""
     averages[COUNT] += 1.0
     share = max(1.0 / averages[COUNT], dt / (time + dt))
     averages[MEAN_X] += share * (run["ax"] - averages[MEAN_X])
@@ -144,7 +144,7 @@ def change_mode(mode, frequency, damping):  # type: ignore[no-untyped-def]
 
 @compiled
 def change_constants(store, frequency, damping):  # type: ignore[no-untyped-def]
-    """Multiplies the natural frequency by exp(frequency), the damping by exp(damping)."""
+    """Multiplies all modes' frequencies ω by exp(frequency), their damping by exp(damping)."""
     modes = records(store)[1]
     for n in range(modes.shape[0]):
         change_mode(modes[n], frequency, damping)

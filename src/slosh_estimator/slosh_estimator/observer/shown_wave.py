@@ -1,4 +1,4 @@
-"""Wave height from the newest measurements at one place alone, without the observer.
+"""Wave amplitude from the newest heights measured at one place, without the observer.
 
 A camera that tells a maximum but not where may see a part of the wall alone. The filter takes such
 a height for the highest of all: where the crest is elsewhere, the lower ones pull its wave down.
@@ -34,7 +34,7 @@ class ShownWave:
             self._heights.popleft()
 
     def amplitude(self, stamp_ns: int, level: float) -> float:
-        """Returns the wave's amplitude [m] about a still level [m]; 0 with few new heights."""
+        """Returns the wave's amplitude about a still level, both [m]; 0 with few new heights."""
         heights = [one for at_ns, one in self._heights if stamp_ns - at_ns <= TUNING.shown_ns]
         if len(heights) < TUNING.shown_least:
             return 0.0

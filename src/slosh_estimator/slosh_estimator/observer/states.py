@@ -47,7 +47,7 @@ class Outcome(Enum):
 
 
 class FusedState(NamedTuple):
-    """State of the liquid that fuses the model with the measurements.
+    """State of the liquid that the observer fuses from the model and the measurements.
 
     Attributes:
         stamp_ns: the moment [ns].
@@ -101,7 +101,7 @@ class FusedState(NamedTuple):
 
     @property
     def trusted(self) -> bool:
-        """Whether the state is more certain than an estimate without measurements."""
+        """Whether measurements were used and the height is certain enough to rely on."""
         return self.corrected_ns is not None and self.msh_stddev <= TUNING.trusted_stddev
 
 

@@ -60,7 +60,7 @@ def wall_heights(stamp_ns: int, surface: SurfaceHeights) -> WallHeights:
 
 
 def _known(stddev: float) -> float:
-    """Returns a standard deviation [m] with a lower limit; a default if it is not finite."""
+    """Returns a standard deviation [m], raised to a minimum; a default if not finite."""
     if not math.isfinite(stddev):
         return TUNING.usual_stddev
     return max(stddev, TUNING.least_stddev)

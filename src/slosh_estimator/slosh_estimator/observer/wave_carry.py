@@ -1,4 +1,4 @@
-"""Propagates a large correction to the newest input by the nonlinear equations.
+"""Propagates a large correction of the wave to the newest input by nonlinear equations.
 
 A wave that the camera shows and the model did not know is corrected by its whole height. Its
 frequency is not that of a small wave, so that the linear transition would turn its phase wrongly
@@ -49,7 +49,7 @@ def _input(row):  # type: ignore[no-untyped-def]
 
 @compiled
 def _added(row, n, moves, old, new):  # type: ignore[no-untyped-def]
-    """Adds a change of a mode's state to a stored row; updates its heights by old and new gain."""
+    """Adds a change of a mode's state to a stored row, and updates the row's heights."""
     at = MODES + 4 * n
     x, y = row[at], row[at + 2]
     row[at] += moves[X]

@@ -40,7 +40,7 @@ class Motion(NamedTuple):
 
 
 class SensedWave(NamedTuple):
-    """Heights and errors of the wave that a measured force indicates.
+    """Height, azimuth and standard deviation of the wave that a measured force indicates.
 
     Attributes:
         stamp_ns: the moment [ns].
@@ -125,7 +125,7 @@ class ForceSurface:
         return self._complete()
 
     def _restarted_if_set_back(self, stamp_ns: int, newest_ns: int) -> list[SensedWave]:
-        """Clears all data if a stamp shows that the clock was set back, not mere disorder."""
+        """Clears all data if a stamp shows that the clock was set back."""
         if newest_ns - stamp_ns > TUNING.set_back_ns:
             self._forces.clear()
             self._motions.clear()
@@ -208,7 +208,7 @@ class _Axis(NamedTuple):
 
 
 def _pushes(motions: list[Motion], axes: list[_Axis]) -> tuple[list[float], float]:
-    """Returns the mean acceleration along each container axis, and its magnitude [m/s²]."""
+    """Returns the mean acceleration along each force axis, and its magnitude [m/s²]."""
     x = y = 0.0
     for motion in motions:
         c, s = math.cos(motion.yaw), math.sin(motion.yaw)

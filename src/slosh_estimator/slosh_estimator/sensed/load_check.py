@@ -9,7 +9,7 @@ from slosh_estimator.tuning import TUNING
 
 
 class LoadCheck:
-    """Compares the force along the acceleration, as a mass, with the identified mass.
+    """Compares the mass that force and acceleration in motion give with the identified mass.
 
     Args:
         payload: as it was identified.

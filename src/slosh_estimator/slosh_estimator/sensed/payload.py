@@ -75,7 +75,7 @@ def parse_payload(text: str, name: str) -> Payload:
 def _number(
     document: Mapping[str, Any], name: str, key: str, part: str = "value", least: float = 1e-12
 ) -> float:
-    """Returns a finite number of the document that is not below a minimum."""
+    """Returns a finite number of the payload file that is not below a minimum."""
     value = document.get(key)
     if part:
         value = value.get(part) if isinstance(value, dict) else None
@@ -88,7 +88,7 @@ def _number(
 
 
 def _directions(document: Mapping[str, Any], name: str) -> tuple[tuple[Direction, Direction], ...]:
-    """Returns one or two directions along the floor, each with its direction in sensor axes."""
+    """Returns one or two horizontal container directions, each also given in sensor axes."""
     found = []
     entries = document.get("directions")
     for entry in entries if isinstance(entries, list) else []:

@@ -1,4 +1,4 @@
-"""Finds a constant in an acceleration, such as gravity, tilt or bias, while at rest."""
+"""Finds the constant part of an acceleration at standstill: gravity, tilt or bias."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class ConstantFinder:
         self.restart()
 
     def restart(self) -> None:
-        """Forgets the present rest and the integrated speed, after a gap."""
+        """Discards the present standstill and the integrated speed, after a gap in the input."""
         self.stretch.restart()
         self._earlier: Vector | None = None
         self._departed = False

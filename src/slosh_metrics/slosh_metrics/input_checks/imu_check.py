@@ -141,7 +141,7 @@ class ImuCheck(Check):
         self._up = self._stood = _unit(force)
 
     def _is_honest(self, force: Vector) -> bool:
-        """Returns whether a specific force that differs from an upright rest may still be correct.
+        """Returns whether a specific force that shows a tilted container may be correct.
 
         A container that was upright, or that has been turned by its rates, may stand or move
         tilted. What is left of the force beside gravity as it was turned accelerates it.
@@ -154,7 +154,7 @@ class ImuCheck(Check):
         return away * self._finder.stretch.seconds <= TOP_SPEED or away <= GRAVITY * FOLLOWED
 
     def _turn(self, number: int, rate: Vector, force: Vector) -> None:
-        """Integrates the vertical direction; corrects it slowly by the measured force.
+        """Integrates the vertical in container axes from the rate; specific force corrects it.
 
         So it is twice: from the first force on, and from upright on.
         """
@@ -221,7 +221,7 @@ def _is_weight(force: Vector) -> bool:
 
 
 def _leant(v: Vector, to: Vector, share: float) -> Vector:
-    """Moves a unit vector towards another one by a fraction, and normalises it."""
+    """Moves a unit vector by a fraction of the way to a second one, and normalises it."""
     share = min(share, 1.0)
     return _unit(
         (

@@ -96,7 +96,7 @@ class Check(ABC):
         return [*cause, *self._bins.memory(base), *self._remembered(base)]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores another check's state after the sample with this stamp [ns]."""
+        """Restores a state that `memory` returned, after the sample with this stamp [ns]."""
         base, bins = stamp_ns // BIN_NS, 6 + self.WIDTH
         kind, x, y, z = memory[:4]
         self._blame(Cause(round(kind), (x, y, z)))

@@ -258,7 +258,7 @@ def _is_coarse(values: Array) -> bool:
 
 
 def _step(values: Array) -> float:
-    """Returns the step of which all values are multiples, or 0 if there is none."""
+    """Returns the quantisation step of which all values are multiples; 0 if there is none."""
     levels = np.unique(values)
     step = float(np.diff(levels).min(initial=np.inf))
     if not TUNING.exact * float(np.abs(levels).max()) < step < np.inf:
@@ -333,7 +333,7 @@ def _mixed(t: Array, acceleration: Array) -> list[tuple[float, float]]:
 
 
 def _unevenness(t: Array, run: NDArray[np.int64]) -> tuple[tuple[float, float], ...]:
-    """Returns mean change and length of intervals [s], with and without a run's samples.
+    """Returns jitter and mean of sample intervals [s], with and without suspected samples.
 
     Of all samples around a run of rows, and of those that are not of the run's publisher.
     """

@@ -18,7 +18,7 @@ _TURNS = 30
 
 
 class Side(NamedTuple):
-    """Sensor readings s, accelerations a and reactions u to gravity, (N, 3) each [m/s²]."""
+    """Sensor readings s, container accelerations a, reactions u to gravity, (N, 3) [m/s²]."""
 
     s: Array
     a: Array

@@ -16,14 +16,14 @@ _EACH = 2
 
 
 def _first_row(both: Aligned, lag: float) -> tuple[int, float]:
-    """Returns integer and fractional index of the sensor's sample at the motion's first one."""
+    """Returns integer and fractional index of the sensor's sample at the motion's first sample."""
     shift = lag / TUNING.step + both.lags
     first = min(max(math.floor(shift), 0), 2 * both.lags - 1)
     return first, shift - first
 
 
 def known_rows(both: Aligned, lag: float) -> BoolArray:
-    """Returns a mask of the times at which sensor and motion are known, for a delay [s]."""
+    """Returns a mask of the times at which sensor and motion have samples, for a delay [s]."""
     first, _ = _first_row(both, lag)
     count = len(both.used)
     rows: BoolArray = both.used.copy()
@@ -74,7 +74,7 @@ def coarse_lag(both: Aligned) -> float | None:
 
 
 def _unexplained(s: Array, v: Array) -> float:
-    """Returns the mean square of readings (N, 3) that no rotation and gain of vectors v gives."""
+    """Returns the mean square residual of s (N, 3) fitted by vectors v, rotated and scaled."""
     s, v = s - s.mean(axis=0), v - v.mean(axis=0)
     size = float(np.sum(v * v))
     whole = float(np.sum(s * s))

@@ -149,7 +149,7 @@ def _without_noise(covariance: Array, fine: Solution, problem: Problem) -> Array
 
 
 def best_fit(widths: Sequence[Aligned], told: Array, arm: Array) -> MountingFit | None:
-    """Returns the fit with the narrowest smoothing that explains the motion, or the best one.
+    """Returns the least smoothed fit that explains the motion, or else the fit that does best.
 
     Args:
         widths: both sides, by the width of the smoothing.

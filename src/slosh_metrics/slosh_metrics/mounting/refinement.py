@@ -23,7 +23,7 @@ _STEPS = 12
 
 
 class Rates(NamedTuple):
-    """Measured and true angular velocities (N, 3), with derivative and unit of the measured."""
+    """Measured and true angular velocities (N, 3); derivative and unit of the measured ones."""
 
     heard: Array
     slope: Array
@@ -70,7 +70,7 @@ class Unknowns(NamedTuple):
     drift: Array
 
     def moved(self, step: Array) -> Unknowns:
-        """Returns the unknowns after a step (UNKNOWNS,); the delay stays in its linear range."""
+        """Returns the unknowns plus an increment (UNKNOWNS,); keeps |delay| ≤ one sample step."""
         lag = min(max(self.lag + float(step[LAG]), -TUNING.step), TUNING.step)
         return Unknowns(
             self.rotation @ exponential(step[TURN]), self.gain + float(step[GAIN]),

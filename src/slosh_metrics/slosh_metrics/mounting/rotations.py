@@ -13,7 +13,7 @@ _NAMES = ("x", "y", "z")
 
 
 def nearest(matrix: Array, handed: float = 1.0) -> Array:
-    """Returns the orthogonal matrix (3, 3) nearest to a matrix, with given handedness.
+    """Returns the orthogonal matrix (3, 3) with determinant `handed` nearest to a matrix.
 
     By singular values (Kabsch 1976).
     """
@@ -86,7 +86,7 @@ def axes_in_words(rotation: Array) -> str:
 
 
 def axis_in_words(direction: Array) -> str:
-    """Describes a line by the axis that it is near, or by its components."""
+    """Describes a line's direction by the axis within 25° of it, or else by its components."""
     place = int(np.argmax(np.abs(direction)))
     if abs(direction[place]) > math.cos(math.radians(25.0)) * float(np.linalg.norm(direction)):
         return _NAMES[place]

@@ -128,7 +128,7 @@ def _scale(fit: MountingFit, expected: Expected) -> Iterator[str]:
 
 
 def unit_of(fit: MountingFit) -> str | None:
-    """Returns the unit of the accelerations: empty for m/s², or None if it is not a known one.
+    """Returns the unit of the sensor's accelerations: empty for m/s², None if it is unknown.
 
     Noise in the motion makes the gain small by the part that is not explained, noise of the
     sensor makes it large by the same: the true one lies between.
@@ -144,7 +144,7 @@ def unit_of(fit: MountingFit) -> str | None:
 
 
 def _unit(gain: float, units: Mapping[str, float]) -> str:
-    """Returns the unit that has a given gain; empty if none has."""
+    """Returns the unit that corresponds to a sensor's gain; empty if no unit does."""
     for name, own in units.items():
         if abs(gain / own - 1.0) <= TUNING.unit:
             return name

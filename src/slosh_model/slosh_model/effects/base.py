@@ -46,7 +46,7 @@ class Stage(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter of an effect.
+    """A parameter of a modelled effect, with bounds and unit.
 
     Attributes:
         name: as in model.yaml.
@@ -154,7 +154,7 @@ class Effect:
     drift: Callable[[Parameters], float] | None = None
 
     def fits(self, section: str) -> bool:
-        """Returns whether the effect applies to containers with this cross-section."""
+        """Returns whether the effect applies to containers of a cross-section, such as round."""
         return not self.sections or section in self.sections
 
     def complete(self, given: Parameters) -> dict[str, float]:

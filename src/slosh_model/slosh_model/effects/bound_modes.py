@@ -60,7 +60,7 @@ def _to_the_crest(slope, curvature):  # type: ignore[no-untyped-def]
 
 @compiled
 def _highest(x, y, mean, double_c, double_s):  # type: ignore[no-untyped-def]
-    """Returns the maximum wall height [m], by Newton's method from the best grid point."""
+    """Returns the maximum height at the wall [m], by Newton's method from the best grid point."""
     start = math.atan2(y, x)
     most, place = -math.inf, start
     for k in range(_ANGLES):

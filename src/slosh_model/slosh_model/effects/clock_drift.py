@@ -1,4 +1,4 @@
-"""Effect: the clock of the measured heights runs at another rate than that of the inputs."""
+"""Effect: the clock of the measured heights runs faster or slower than that of the inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Effect: the damping differs from that of the model."""
+"""Effect: the real damping differs from that of the model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Effect: the fill height differs from that of the model."""
+"""Effect: the real fill height differs from that of the model."""
 
 from __future__ import annotations
 

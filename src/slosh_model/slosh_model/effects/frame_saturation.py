@@ -1,4 +1,4 @@
-"""Effect: the image ends below the highest crests."""
+"""Effect: the camera image ends below the highest crests and cuts off their heights."""
 
 from __future__ import annotations
 

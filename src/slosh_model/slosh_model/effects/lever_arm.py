@@ -1,4 +1,4 @@
-"""Effect: the acceleration input is that of a point at a distance from the container."""
+"""Effect: the acceleration input is measured at a point away from the container."""
 
 from __future__ import annotations
 

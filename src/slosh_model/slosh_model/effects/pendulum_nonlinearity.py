@@ -1,4 +1,4 @@
-"""Effect: the liquid swings as a nonlinear pendulum in a rectangle; makes the model NL."""
+"""Effect: in a rectangle, the liquid swings as a nonlinear pendulum (model class NL)."""
 
 from __future__ import annotations
 

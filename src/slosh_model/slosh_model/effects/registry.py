@@ -71,7 +71,7 @@ READING_MEMORY, READING_MEMORY_COUNT = _starts(
 
 
 def find_effect(name: str) -> Effect:
-    """Returns the effect with this name.
+    """Returns the effect with a name such as `fill_level`.
 
     Raises:
         SloshModelError: there is none; the text lists the names.

@@ -1,4 +1,4 @@
-"""Effect: the second antisymmetric mode sloshes as well."""
+"""Effect: the second antisymmetric sloshing mode oscillates in addition to the first."""
 
 from __future__ import annotations
 

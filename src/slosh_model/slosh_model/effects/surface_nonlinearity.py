@@ -1,4 +1,4 @@
-"""Effect: nonlinear sloshing in a cylinder, a mass on a paraboloid (DL22); makes the model NL."""
+"""Effect: nonlinear sloshing in a cylinder, a mass on a paraboloid (DL22; model class NL)."""
 
 from __future__ import annotations
 

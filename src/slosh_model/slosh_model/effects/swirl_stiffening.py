@@ -1,4 +1,4 @@
-"""Effect: a rotating wave is stiffer than a planar one."""
+"""Effect: a wave that rotates along the wall is stiffer than a planar wave."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Effect: the measured heights are delayed."""
+"""Effect: the stamps of the measured heights are late or early by a constant time."""
 
 from __future__ import annotations
 

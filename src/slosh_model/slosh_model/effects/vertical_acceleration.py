@@ -1,4 +1,4 @@
-"""Effect: vertical acceleration changes the effective gravity; makes the model 3D."""
+"""Effect: vertical acceleration changes the effective gravity (model class 3D)."""
 
 from __future__ import annotations
 

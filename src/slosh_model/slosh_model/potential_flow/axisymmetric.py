@@ -200,7 +200,7 @@ def _along_surface(w: Any) -> Any:
 
 
 class _Wall:
-    """Computes integrals of the velocity potential over the wall by finite elements."""
+    """Finite-element integrals of the velocity potential over the container's wall."""
 
     def __init__(self, fem: Any, basis: Any) -> None:
         self._basis = basis

@@ -71,7 +71,7 @@ def turned_piece(piece: Piece, angle: float) -> Piece:
 
 
 def mirrored(places: Array, axis: int) -> bool:
-    """Returns whether an outline is symmetric in one coordinate."""
+    """Returns whether an outline is its own mirror image when one coordinate changes its sign."""
     other = places.copy()
     other[:, axis] *= -1.0
     away = np.full(len(other), np.inf)

@@ -103,7 +103,7 @@ def _mode(
     axis: int, row: Array, width: float, reach: float, places: Array, shape: Array,
     higher: float = 0.0,
 ) -> ModeNumbers:  # fmt: skip
-    """Returns a mode's constants in SI units; given lengths are per half surface width."""
+    """Returns a mode's constants in SI units, from lengths relative to half the surface width."""
     omega = math.sqrt(GRAVITY * float(row[LAMBDA]) / width)
     return ModeNumbers(
         axis=axis,
@@ -155,7 +155,7 @@ def _solved(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Integrals:
-    """Integrals over half of a trough's section, as matrices and vectors of its elements.
+    """Finite-element matrices and vectors of integrals over half of a trough's cross-section.
 
     Attributes:
         slopes: (2, 2) ∫ψ_i v_j dA, i and j of y, z.

@@ -190,7 +190,7 @@ def check_simple(pieces: Sequence[Piece], key: str, *, closed: bool) -> None:
 
 
 def _on_lines(a: Array, d: Array) -> BoolArray:
-    """Returns (N, N) whether each point of a (N, 2) lies on each segment from a to a + d."""
+    """Returns whether each of the points a (N, 2) lies on each segment from a to a + d, (N, N)."""
     away = a[:, None] - a[None]
     lengths = (d * d).sum(axis=1)
     share = np.clip((away * d[None]).sum(axis=2) / lengths, 0.0, 1.0)

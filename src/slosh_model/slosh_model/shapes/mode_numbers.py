@@ -77,7 +77,7 @@ _KINKED = ("crest_ratio", "crest_place")
 def interpolated(
     at: Sequence[float], rows: Sequence[Sequence[ModeNumbers]], place: float
 ) -> tuple[ModeNumbers, ...]:
-    """Interpolates mode constants by a polynomial through the given ones.
+    """Interpolates mode constants by a polynomial through those at several fill heights.
 
     Args:
         at: (N,) increasing.

@@ -65,12 +65,12 @@ class PrismaticContainer(SolvedContainer):
 
     @property
     def widening(self) -> float:
-        """Change of the radius with height [1]; zero for vertical walls."""
+        """Change of the wall's distance from the axis with height [1]; 0 for vertical walls."""
         return 0.0
 
     @property
     def one_directional(self) -> bool:
-        """Whether each mode oscillates in a fixed direction, so that each number has two modes."""
+        """Whether modes oscillate in fixed directions, so that each mode number has two modes."""
         return len({row.turn for row in self._rows}) > 1
 
     @property
@@ -85,7 +85,7 @@ class PrismaticContainer(SolvedContainer):
 
     @property
     def cornered(self) -> bool:
-        """Whether the modes along the container's x and y axes have different frequencies."""
+        """Whether wave heights along x and y add up in corners: their frequencies differ."""
         return not self.alike and not any(row.turn for row in self._rows)
 
     def numbers(self, n: int, axis: int = X_AXIS) -> ModeNumbers:
@@ -117,7 +117,7 @@ class PrismaticContainer(SolvedContainer):
 
     @property
     def reaches(self) -> tuple[float, float]:
-        """Distances from the centre at which the wall heights along x and y are computed [m].
+        """Distances from the centre at which the liquid heights along x and y are computed [m].
 
         Half extents, or where the modes' axes are not x and y, or alike, that of the furthest
         corner.
@@ -127,7 +127,7 @@ class PrismaticContainer(SolvedContainer):
         return (_furthest(self),) * 2
 
     def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns the wall height per displacement of the mode's mass [1]."""
+        """Returns the liquid height at the wall per displacement of the mode's mass [1]."""
         if self.alike:
             # One for both: that along which the crest is furthest out.
             axis = int(self.height_distance(1, 1) > self.height_distance(1, 0))
@@ -135,7 +135,7 @@ class PrismaticContainer(SolvedContainer):
         return own.height_per_displacement * (self.reaches[axis] / own.reach)
 
     def height_distance(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns the distance from the centre to where a mode's wall height is greatest [m]."""
+        """Returns the distance from the centre to where a mode is highest at the wall [m]."""
         return self.numbers(n, axis).reach
 
     def mode_damping(self, kinematic_viscosity: float, n: int) -> float:
@@ -148,7 +148,7 @@ class PrismaticContainer(SolvedContainer):
 
     @property
     def corners(self) -> Array:
-        """Corners (K, 2) of the wall, relative to the reaches along x and y."""
+        """Corners (K, 2) of the wall; x and y are divided by the distances `reaches` [1]."""
         return np.asarray(_wall_corners(self) / np.array(self.reaches))
 
     @property
@@ -332,7 +332,7 @@ def _furthest(container: PrismaticContainer) -> float:
 
 
 def _static_axes(container: PrismaticContainer, masses: int) -> float:
-    """Returns the main axis of the quasi-static height that the modes do not contain [rad]."""
+    """Returns the azimuth of the main axis of the quasi-static height without the modes [rad]."""
     across = difference = 0.0
     for n in range(1, masses + 1):
         part = container.curved_gain(n) / container.natural_frequency(n) ** 2

@@ -69,7 +69,7 @@ class ProfiledContainer(SolvedContainer):
         """Raises SloshModelError for inconsistent lengths."""
 
     def _below(self, length: str, other: str, factor: float = 1.0) -> None:
-        """Raises SloshModelError unless a length is below a multiple of another."""
+        """Raises SloshModelError unless one length is below a multiple of another length."""
         given, limit = getattr(self, length), factor * getattr(self, other)
         if not given < limit:
             times = "" if factor == 1.0 else f"{factor:g} "
@@ -171,7 +171,7 @@ class ProfiledContainer(SolvedContainer):
 
 
 def cut_above(places: Array, height: float) -> Array:
-    """Returns consecutive points up to the place where they exceed a height."""
+    """Returns a contour's points up to where the contour rises above a height."""
     above = np.flatnonzero(places[:, 1] > height)
     above = above[above > np.argmin(places[:, 1])]
     if not len(above):

@@ -105,7 +105,7 @@ class Rectangle(Container):
         return self.root(n) * self.depth_factor(n, axis)
 
     def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns the height gain of a standing wave sin(ξₙ x/R): 2/ξₙ² times that of a plane."""
+        """Returns the height gain of a standing wave sin(ξₙ x/R): 2/ξₙ² times `plane_gain`."""
         return 2.0 / self.root(n) ** 2 * self.plane_gain(n, axis)
 
     def widened(self, factor: float) -> Self:

@@ -125,7 +125,7 @@ class SolvedContainer(Container):
         """Highest possible fill height [m], at the contour's end."""
 
     def filled_to(self, fill_height: float, rim_height: float | None) -> Self:
-        """Returns the container with another fill height; modes are interpolated if close.
+        """Returns the container with another fill height; interpolates the modes if it is close.
 
         Raises:
             SloshModelError: an impossible fill height, or modes that cannot be computed.
@@ -159,7 +159,7 @@ class SolvedContainer(Container):
 
     @property
     def reaches(self) -> tuple[float, float]:
-        """Distances from the axis to the places of the wall heights along x and y [m]."""
+        """Distances from the axis at which the liquid heights along x and y are computed [m]."""
         return self.numbers(1, 0).reach, self.numbers(1, 1).reach
 
     def mass_ratio(self, n: int, axis: int = X_AXIS) -> float:
@@ -167,11 +167,11 @@ class SolvedContainer(Container):
         return self.numbers(n, axis).mass_ratio
 
     def plane_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns `curved_gain`; the rest of a plane surface is in the quasi-static height."""
+        """Returns `curved_gain`; the quasi-static height adds the remainder of a plane surface."""
         return self.curved_gain(n, axis)
 
     def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns the wall height per displacement of the mode's mass [1]."""
+        """Returns the liquid height at the wall per displacement of the mode's mass [1]."""
         return self.numbers(n, axis).height_per_displacement
 
     def mass_height(self, n: int, axis: int = X_AXIS) -> float:
@@ -218,7 +218,7 @@ def _digest(container: SolvedContainer) -> str:
 def _neighbours(
     container: SolvedContainer,
 ) -> tuple[tuple[float, ...], tuple[tuple[ModeNumbers, ...], ...]]:
-    """Returns fill heights near that of a container, and the modes at each of them."""
+    """Returns fill heights [m] below and above the container's, and the modes at each of them."""
     middle = container.fill_height
     reach = min(NEAR, 0.6 * middle, 0.6 * (container.highest_fill - middle))
     turns = (math.cos(math.pi * k / (NODES - 1)) for k in reversed(range(NODES)))
@@ -228,7 +228,7 @@ def _neighbours(
 
 
 def _alike(rows: Sequence[tuple[ModeNumbers, ...]]) -> list[tuple[ModeNumbers, ...]]:
-    """Returns the modes with equal rank by frequency at all tabulated fill heights.
+    """Returns, for each tabulated fill height, the modes that keep their order by frequency.
 
     Modes in order of frequency change places as the fill height changes.
     """

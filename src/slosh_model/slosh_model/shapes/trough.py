@@ -1,4 +1,4 @@
-"""Troughs: one cross-section along the horizontal x axis, between vertical end walls."""
+"""Troughs: a constant cross-section along the horizontal x axis, between vertical end walls."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _UNLIKE = 1e-4
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class TroughContainer(ProfiledContainer):
-    """A container with one cross-section, symmetric about its middle, along a length.
+    """A container with a constant, mirror-symmetric cross-section along its length.
 
     Longitudinal modes move the liquid along x, transverse ones along y. Modes that do both carry
     no net force: no acceleration drives them, and they are left out. The liquid rotates with the

@@ -138,7 +138,7 @@ class GuardedNode(Node):
         return super().create_service(srv_type, srv_name, guarded, *arguments, **options)
 
     def set_parameters(self, parameter_list: list[Parameter]) -> list[SetParametersResult]:
-        """Sets parameters; for one that can be set only at the start, explains what to do."""
+        """Sets parameters; explains what to do about those that can be set only at the start."""
         return [self.set_parameters_atomically([parameter]) for parameter in parameter_list]
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:

@@ -11,7 +11,7 @@ HARDWARE_ID: Final = "SLOSH_HARDWARE_ID"
 
 
 def hardware_id(namespace: str, given: str) -> str:
-    """Returns the hardware_id of diagnostics: the given text, or else the cell's namespace.
+    """Returns the hardware_id of diagnostics: the configured text, or the cell's namespace.
 
     >>> hardware_id("/line_1/slosh", ""), hardware_id("/slosh", "SN 42")
     ('line_1/slosh', 'SN 42')

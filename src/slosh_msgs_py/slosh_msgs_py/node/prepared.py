@@ -56,7 +56,7 @@ class PreparedNode(GuardedNode, ABC):
             self.is_prepared()
 
     def compiles(self, what: str) -> None:
-        """Reports the function that is being compiled; logs the first one."""
+        """Reports the function that is being compiled; logs only the first function."""
         if not self.readiness.doing:
             self.get_logger().warning(f"not ready yet: {what}")
         self.readiness.compiles(what)

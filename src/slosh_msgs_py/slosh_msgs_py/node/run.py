@@ -186,7 +186,7 @@ def make_heard(factory: Callable[[], _Node]) -> _Node:
 
 
 class _Hearing:
-    """Checks whether other processes can still reach this one; see `shared_memory`.
+    """Checks whether other processes can still reach this process; see `shared_memory`.
 
     Attributes:
         lost: whether they do no more.

@@ -73,7 +73,7 @@ class SilentTopic:
         return f"the publisher of {name} sends no messages{self._unshared()}{strange}"
 
     def _unshared(self) -> str:
-        """Returns a hint at shared memory between users; empty once a message has arrived."""
+        """Returns a hint that shared memory may fail between users; empty once a message came."""
         if self._has_heard or not has_shared_memory(os.environ):
             return ""
         remedy = f"set {TRANSPORTS}={WITHOUT_SHARED_MEMORY} for this process"

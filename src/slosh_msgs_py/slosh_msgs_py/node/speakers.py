@@ -107,7 +107,7 @@ class _Stream:
         self.number, self.at_ns = number, at_ns
 
     def fits(self, number: int, at_ns: int) -> bool:
-        """Whether a message could be the publisher's next one, allowing for lost messages."""
+        """Whether a message could be the publisher's next message, allowing for lost messages."""
         missing = number - self.number - 1
         if missing < 0:
             return False

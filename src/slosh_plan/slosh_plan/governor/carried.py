@@ -35,7 +35,7 @@ SLACK = TUNING.governor_slack
 
 @compiled
 def _peak(value, slope, following, interval):  # type: ignore[no-untyped-def]
-    """Returns the extremum of a value with linear slope in an interval, or the value itself."""
+    """Returns a joint value's extreme within an interval; `value` if its slope keeps its sign."""
     if slope * following < 0.0:
         return value + 0.5 * interval * slope * slope / (slope - following)
     return value
@@ -43,7 +43,7 @@ def _peak(value, slope, following, interval):  # type: ignore[no-untyped-def]
 
 @compiled_apart
 def _exceeded(before, joints, k, interval, limits):  # type: ignore[no-untyped-def]
-    """Returns the number of the limit that a joint exceeds in an interval; 0 if none."""
+    """Returns the code of the limit that a joint exceeds in an interval; 0 for none."""
     x, v, a = before[PLACE, k], before[VELOCITY, k], before[RATE, k]
     place, velocity, rate = joints[PLACE, k], joints[VELOCITY, k], joints[RATE, k]
     extreme = _peak(x, v, velocity, interval)
@@ -70,7 +70,7 @@ def _busiest(joints, limits):  # type: ignore[no-untyped-def]
 
 @compiled_apart
 def _refusing(before, joints, interval, limits, reached):  # type: ignore[no-untyped-def]
-    """Returns the first joint that exceeds a limit, and the limit's number; 0 if none does."""
+    """Returns a joint that exceeds a limit in an interval, and the limit's code (0: none)."""
     if not reached:
         return _busiest(joints, limits), BY_REACH
     for k in range(joints.shape[1]):
@@ -89,7 +89,7 @@ def _tell(refused, joint, limit):  # type: ignore[no-untyped-def]
 
 @compiled_apart
 def eased(motion, command, carrier):  # type: ignore[no-untyped-def]
-    """Reduces a commanded velocity to what the joints can follow; slows them near limits.
+    """Returns a commanded velocity, reduced to what the joints' position and speed limits allow.
 
     Args:
         motion: (3, 3) of the container's origin at this moment.
@@ -123,7 +123,7 @@ def eased(motion, command, carrier):  # type: ignore[no-untyped-def]
 
 @compiled_apart
 def part(motion, held, settings, carrier, wanted):  # type: ignore[no-untyped-def]
-    """Blends the next acceleration with that of a stop until the joints keep their limits.
+    """Changes the next acceleration towards that of the safe stop until all joints can follow.
 
     Args:
         motion: (3, 3) of the container's origin at this moment.
@@ -183,7 +183,7 @@ def joints_keep(motion, rows, end, intervals, carrier):  # type: ignore[no-untyp
 
 @compiled
 def carry_on(motion, interval, carrier):  # type: ignore[no-untyped-def]
-    """Advances the joints by one step to the container's motion (3, 3)."""
+    """Advances the joints by one step so that they follow the container's motion (3, 3)."""
     chain, _, goal, joints, _ = carrier
     if chain.shape[0] > 0:
         carry(chain, goal, motion, interval, joints, scratch(chain, joints.shape[1]))

@@ -22,7 +22,7 @@ ROUNDING = 1e-6
 
 
 class Carrier:
-    """Robot joints that carry the governed container, with the limit that they reached last.
+    """State of the joints that carry the container, and the joint limit met last.
 
     Args:
         arm: the robot, at the start; None: its joints are not known.
@@ -50,7 +50,7 @@ class Carrier:
             self.start_at(arm.start, np.zeros(3))
 
     def start_at(self, places: Array, origin: Array) -> None:
-        """Restarts the joints at measured positions, and keeps the container's pose from there.
+        """Sets the joints to measured positions at rest, and holds the container's pose there.
 
         Args:
             places: (J,) [rad or m]; without a `doubt`.
@@ -67,12 +67,12 @@ class Carrier:
         self._goal[layout.ORIGIN :] -= origin
 
     def differs(self, places: Array) -> bool:
-        """Whether measured joint positions differ from the computed ones."""
+        """Whether measured joint positions differ from the computed ones beyond a tolerance."""
         apart = np.abs(places - self.joints[layout.PLACE])
         return bool(apart.max() > TUNING.governor_measured)
 
     def doubt(self, places: Array, *, rests: bool) -> str:
-        """Returns why measured joint positions do not permit a safe motion; empty if they do.
+        """Returns why measured joint positions forbid further motion; empty if they do not.
 
         Args:
             places: (J,) [rad or m].
@@ -106,7 +106,7 @@ class Carrier:
         ) * (tilt > TUNING.governor_upright)
 
     def refused_by(self, share: float) -> str:
-        """Returns the joint and limit that reduced the motion; empty if there was none.
+        """Returns the joint and limit that reduced the command in this step; empty for none.
 
         Args:
             share: of the command that was followed in the step.
@@ -119,7 +119,7 @@ class Carrier:
 
 
 def _ranges(arm: GovernedArm) -> Array:
-    """Returns the limits (5, J) of the joints, with a margin for values between samples."""
+    """Returns the joints' limits (5, J), reduced by a margin for peaks between two samples."""
     found, room = arm.bounds, TUNING.governor_carried_place
     found[layout.LOWER] = np.minimum(found[layout.LOWER] + room, arm.start - ROUNDING)
     found[layout.UPPER] = np.maximum(found[layout.UPPER] - room, arm.start + ROUNDING)

@@ -97,7 +97,7 @@ def turned_by(r, joint, angle):  # type: ignore[no-untyped-def]
 
 @compiled
 def _felt(r, force, point, felt):  # type: ignore[no-untyped-def]
-    """Stores in `felt` the acceleration of an upright container with equal effect [m/s²]."""
+    """Stores the acceleration of an upright container whose liquid would move equally [m/s²]."""
     fx, fy, fz = force[0], force[1], force[2] + GRAVITY
     if point[TURNS] != 0.0:
         felt[0] = r[0] * fx + r[3] * fy + r[6] * fz
@@ -125,7 +125,7 @@ def _joint_step(r, joint, motion):  # type: ignore[no-untyped-def]
 
 @compiled
 def felt_at(joints, points, motion, felt, moved):  # type: ignore[no-untyped-def]
-    """Computes the acceleration of points on a robot's last link from its joint motion [m/s²].
+    """Computes accelerations of points on a robot's last link from its joint motion [m/s²].
 
     Args:
         joints: (J + 1, JOINT) from the root on; the last is the moving link, fixed to the joint

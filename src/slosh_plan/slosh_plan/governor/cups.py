@@ -49,7 +49,7 @@ class Cup:
 
     @property
     def points(self) -> tuple[Point, Point]:
-        """Points (x, y, z, turns) of the still surface and the centre of mass, tray axes [m]."""
+        """Still surface and centre of mass in tray axes [m]: (x, y, z, whether liquid yaws)."""
         turns = float(self.model.container.follows_yaw)
         x, y, z = self.place
         if self.standing is None:
@@ -100,7 +100,7 @@ def _cup(one: TrayContainer, limits: PlanLimits) -> Cup:
 
 
 def spacing_of(cups: Sequence[Cup], period: float) -> tuple[int, float]:
-    """Returns the steps per sample of a predicted stop, and the highest frequency [rad/s]."""
+    """Returns steps per sample of a predicted stop, and the modes' highest frequency [rad/s]."""
     fastest = max(mode.natural_frequency for cup in cups for mode in cup.model.mode_constants())
     return max(math.floor(TUNING.governor_phase / fastest / period), 1), fastest
 
@@ -115,7 +115,7 @@ def stores_of(cups: Sequence[Cup], factors: Factors) -> Array:
 
 
 def table_of(cups: Sequence[Cup], spacing: float, *, turns: bool) -> tuple[Array, Array]:
-    """Returns the parameters of all containers (C, CUP), and the points (P, 4) that drive them.
+    """Returns containers' parameters (C, CUP), and the points (P, 4) whose acceleration is used.
 
     Args:
         cups: the containers.
@@ -152,7 +152,7 @@ def _fill(row: Array, cup: Cup, spacing: float) -> None:
 
 
 def _twin(model: Model, frequency: float, damping: float) -> Array:
-    """Returns the state array of a model at rest with changed frequencies and damping ratios."""
+    """Returns the state array, at rest, of a model with scaled frequencies and damping ratios."""
     other = replace(model, natural_frequency=model.mode_frequency(1) * frequency, covariance=None)
     store = store_of(other)
     divided(store)[1]["damping_ratio"] *= damping

@@ -143,7 +143,7 @@ class Governor:
             one.load()
 
     def take(self, command: Command) -> None:
-        """Stores a command, which replaces the previous one; the next step uses it."""
+        """Stores a command for the next step; it replaces the previous command."""
         self._commands += 1
         self._command = self._latest = command
         self._came = True
@@ -153,11 +153,11 @@ class Governor:
         self._seen = liquid
 
     def stop(self) -> None:
-        """Requests a stop that begins at the next step and lasts until `release`."""
+        """Requests a stop of the motion from the next step on, which lasts until `release`."""
         self._reason = StopReason.REQUESTED
 
     def locate(self, places: Sequence[float]) -> str:
-        """Processes measured joint positions (J,); at rest the governor continues from these.
+        """Compares measured positions (J,) of the joints; at rest, adopts them as the new start.
 
         Returns:
             why they make the next step a stop; empty: they do not.
@@ -171,7 +171,7 @@ class Governor:
         return doubt
 
     def lose(self, *, lost: bool) -> None:
-        """Sets whether the joints' positions are unknown; if so, the governor stops."""
+        """Sets whether the joints' positions are unknown, which makes the governor stop."""
         self._lost = lost
 
     def release(self) -> bool:
@@ -199,7 +199,7 @@ class Governor:
 
     @property
     def joints(self) -> Array:
-        """Present joint velocities, accelerations and positions (3, J); J = 0 if unknown."""
+        """The robot's joint velocities, accelerations and positions (3, J); J = 0: unknown."""
         return self._carrier.joints if self.arm is None else self._motion
 
     def idle(self, now_ns: int) -> Governed:
@@ -272,7 +272,7 @@ class Governor:
             self._due_ns = now_ns - (now_ns - self._due_ns) % period_ns
 
     def _look(self, now_ns: int) -> None:
-        """Sets the stop reason for a bad command, an old one or a late step; clears it at rest."""
+        """Sets the reason to stop (bad or old command, late step, lost joints), or clears it."""
         late = not 0 < now_ns - self._last_ns <= TUNING.governor_late * self.period * SECOND
         late = late and self._last_ns > -(2**62)
         self._last_ns = now_ns
@@ -328,7 +328,7 @@ class Governor:
         return self._within(wanted + TUNING.governor_pull * (target - origin - place))
 
     def _within(self, velocity: Array) -> Array:
-        """Limits velocities (D,) to the joints' maxima; reduces them near the position limits."""
+        """Limits velocities (D,) to the joints' maxima, and lower near the position limits."""
         if self.arm is None:
             return velocity
         place, slack = self._motion[layout.PLACE], TUNING.governor_slack
@@ -349,7 +349,7 @@ class Governor:
             containers.settle(own, felt, first_period(self._cups[cup].model))
 
     def _use(self, liquid: SeenLiquid) -> None:
-        """Sets the first container's models to an observed state, simulated up to the present."""
+        """Sets the first container's models to a past observed state, simulated up to now."""
         stores = self._stores[: layout.MODELS, : int(self._table[0, layout.SIZE])]
         count = self._past.since(liquid.stamp_ns)
         known = liquid.modal.shape == (len(divided(stores[0])[1]), 4)

@@ -45,7 +45,7 @@ TWIST = 6
 
 @compiled_apart
 def _frames(chain, places, axes, origins):  # type: ignore[no-untyped-def]
-    """Computes each joint's axis and origin; returns the container's rotation and origin."""
+    """Writes joint axes and origins; returns the container's rotation and origin (root axes)."""
     r, at = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
     for number in range(chain.shape[0]):
         joint = chain[number]
@@ -84,7 +84,7 @@ def _jacobian(chain, axes, origins, at, columns):  # type: ignore[no-untyped-def
 
 @compiled_apart
 def _change(chain, axes, origins, rates, at, velocity, changes):  # type: ignore[no-untyped-def]
-    """Computes the time derivative (D, TWIST) of the Jacobian.
+    """Writes the time derivative (D, TWIST) of the Jacobian.
 
     Args:
         chain, axes, origins: of the joints.
@@ -126,7 +126,7 @@ def _change(chain, axes, origins, rates, at, velocity, changes):  # type: ignore
 
 @compiled_apart
 def _factorised(columns, lower):  # type: ignore[no-untyped-def]
-    """Computes the Cholesky factor of J Jᵀ + DAMPING, with inverse diagonal elements."""
+    """Writes the Cholesky factor of J Jᵀ + DAMPING, with inverted diagonal entries."""
     for i in range(TWIST):
         for j in range(i + 1):
             total = DAMPING if i == j else 0.0
@@ -139,7 +139,7 @@ def _factorised(columns, lower):  # type: ignore[no-untyped-def]
 
 @compiled_apart
 def _solve(lower, vector):  # type: ignore[no-untyped-def]
-    """Solves (J Jᵀ + DAMPING) x = vector in place, with the factor of `_factorised`."""
+    """Solves (J Jᵀ + DAMPING) x = vector in place, with the factor from `_factorised`."""
     for i in range(TWIST):
         for k in range(i):
             vector[i] -= lower[i, k] * vector[k]
@@ -160,7 +160,7 @@ def _product(row, vector):  # type: ignore[no-untyped-def]
 
 @compiled
 def _missed(goal, r, at, place, vector):  # type: ignore[no-untyped-def]
-    """Computes the container's pose error; returns its largest component [m or rad].
+    """Writes the container's pose error; returns its largest component [m or rad].
 
     Args:
         goal: (12,) rotation by rows that it keeps, and its origin before the first step.
@@ -183,7 +183,7 @@ def _missed(goal, r, at, place, vector):  # type: ignore[no-untyped-def]
 
 @compiled
 def scratch(chain, size):  # type: ignore[no-untyped-def]
-    """Returns work arrays of `carry` for a chain and its number of joints."""
+    """Returns work arrays for `carry`, sized for a kinematic chain and its number of joints."""
     return (
         np.empty((chain.shape[0], 3)), np.empty((chain.shape[0], 3)), np.empty((size, TWIST)),
         np.empty((size, TWIST)), np.empty((TWIST, TWIST)), np.empty(TWIST),
@@ -192,7 +192,7 @@ def scratch(chain, size):  # type: ignore[no-untyped-def]
 
 @compiled_apart
 def carry(chain, goal, motion, interval, joints, space):  # type: ignore[no-untyped-def]
-    """Advances the joints by an interval, so that the container has the governed motion.
+    """Advances the joints by an interval so that the container follows its governed motion.
 
     Args:
         chain: see `chain.felt_at`.
@@ -243,7 +243,7 @@ def carry(chain, goal, motion, interval, joints, space):  # type: ignore[no-unty
 
 @compiled_apart
 def effort(chain, places, fastest, space):  # type: ignore[no-untyped-def]
-    """Returns the largest fraction of a joint velocity limit for 1 m/s, and that joint.
+    """Returns the largest use of a joint velocity limit per container speed [s/m], and the joint.
 
     In s/m. Directions in which no joint can move the container at all take nothing.
 
@@ -270,7 +270,7 @@ def effort(chain, places, fastest, space):  # type: ignore[no-untyped-def]
 
 @entry_point(float64(GIVEN_2, GIVEN_1, GIVEN_1, CHANGED_1))
 def pose(chain, places, fastest, goal):  # type: ignore[no-untyped-def]
-    """Computes the container's rotation (by rows) and origin (12,); returns the `effort`.
+    """Writes the container's rotation and origin (12,); returns the joints' `effort` there.
 
     Args:
         chain: see `carry`.

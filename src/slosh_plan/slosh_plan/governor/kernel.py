@@ -98,13 +98,13 @@ def _is_held(plan):  # type: ignore[no-untyped-def]
 
 @compiled
 def _is_known(plan, state):  # type: ignore[no-untyped-def]
-    """Whether a candidate is the stored stop and already verified, so it needs no simulation."""
+    """Whether a candidate motion is the stored safe stop, verified and so not simulated again."""
     return _is_held(plan) and state[BOUND] <= 1.0 and state[SEEN] == 0.0
 
 
 @compiled
 def _is_known_of_others(plan, state):  # type: ignore[no-untyped-def]
-    """Whether a plan is the verified stop, and the first liquid was observed after that."""
+    """Whether the verified safe stop needs simulation only of the first liquid, observed since."""
     return _is_held(plan) and state[BOUND] <= 1.0 and state[SEEN] != 0.0
 
 
@@ -162,7 +162,7 @@ def _to_front(row, value):  # type: ignore[no-untyped-def]
 
 @compiled
 def _carried(one, plan, begun, moves, rows):  # type: ignore[no-untyped-def]
-    """Returns whether the robot's joints keep their limits in a candidate motion.
+    """Whether the joints that carry the container keep their limits in a candidate motion.
 
     They do in what is left of the held stop.
     """
@@ -171,7 +171,7 @@ def _carried(one, plan, begun, moves, rows):  # type: ignore[no-untyped-def]
 
 @compiled_apart
 def _verified(one, plan, begun, moves, cups, ranks, exact, told):  # type: ignore[no-untyped-def]
-    """Simulates a candidate with all models; returns the largest fraction of a limit it reaches.
+    """Simulates a candidate motion with all models; returns the largest fraction of a limit.
 
     Containers that were nearest to their limits are looked at first; the first that exceeds one
     ends it.
@@ -213,7 +213,7 @@ def _verified(one, plan, begun, moves, cups, ranks, exact, told):  # type: ignor
 
 @compiled
 def _screened(moves, kept, cups, settings, bound, ranks, shares):  # type: ignore[no-untyped-def]
-    """Stores in `shares` a lower bound of the fraction of the limits that each candidate uses."""
+    """Stores in `shares` a lower bound of each candidate motion's largest fraction of a limit."""
     stores, driven, ends, intervals, _ = moves
     which = np.flatnonzero(kept == JUDGED)
     own = np.full((CANDIDATES, USES), math.inf)
@@ -230,7 +230,7 @@ def _screened(moves, kept, cups, settings, bound, ranks, shares):  # type: ignor
 
 @compiled
 def _best_part(plans, begun, moves, rows, cups, ranks, told):  # type: ignore[no-untyped-def]
-    """Bisects for the safe candidate that follows the command most; returns index and limit use.
+    """Bisects for the largest safe share of the command; returns candidate index and limit use.
 
     The last candidate is the held stop. What is not looked at is taken to be as its neighbours.
     """
@@ -258,7 +258,7 @@ def _best_part(plans, begun, moves, rows, cups, ranks, told):  # type: ignore[no
 
 @compiled
 def _best_of_all(plans, begun, moves, rows, kept, cups, ranks, follow, last, told):  # type: ignore[no-untyped-def]
-    """Returns the index of the best candidate, and the largest fraction of a limit it reaches.
+    """Returns the best candidate motion's index, and the largest fraction of a limit it reaches.
 
     Few models tell which are surely unsafe; the best of the others are verified by all models.
 

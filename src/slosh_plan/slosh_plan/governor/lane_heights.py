@@ -1,4 +1,4 @@
-"""Compiled wall heights of many simulations, one for each model and candidate motion."""
+"""Compiled wall heights of a container, one vector lane per pair of model and motion."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from slosh_plan.governor.waves import (
 def _of_any_model(  # type: ignore[no-untyped-def]
     stores, cup, driven, which, models, intervals, count, ceiling, heights
 ):
-    """Simulates wall heights of models with any effects; arguments as `add_heights`."""
+    """Simulates wall heights of models of every kind; arguments as in `add_heights`."""
     lanes, size = which.shape[0] * models.shape[0], int(cup[SIZE])
     copies, found = np.empty((lanes, size)), np.empty((lanes, count, 2))
     rows = np.empty(lanes, dtype=np.int64)
@@ -69,7 +69,7 @@ def _of_any_model(  # type: ignore[no-untyped-def]
 def _of_waves(  # type: ignore[no-untyped-def]
     stores, cup, driven, which, models, ends, intervals, count, ceiling, heights, tops
 ):
-    """Simulates wall heights of models without other effects, in vectors; see `waves`.
+    """Simulates wall heights of models whose only effect is waves, in vectors; see `waves`.
 
     Returns:
         for how many rows; 0: a pendulum swings further than can be simulated so.

@@ -34,7 +34,7 @@ PARTS_TRIED = 12
 
 @compiled
 def _towards(left, jerk, limit, dt):  # type: ignore[no-untyped-def]
-    """Returns the largest acceleration that can still return to 0 when the velocity is reached."""
+    """Returns the largest acceleration that the jerk limit can end at the target velocity."""
     return min(math.sqrt(jerk * dt * jerk * dt + 2.0 * jerk * left) - jerk * dt, limit)
 
 
@@ -148,7 +148,7 @@ def drive(motion, rows, end, intervals, robot, settings, must, driven):  # type:
 
 @compiled
 def keeps_limits(motion, rows, end, intervals, limits):  # type: ignore[no-untyped-def]
-    """Whether a candidate motion keeps all joint limits: position, velocity and so on."""
+    """Whether a candidate keeps the joints' position, velocity, acceleration and jerk limits."""
     for k in range(rows.shape[1]):
         place, velocity = motion[PLACE, k], motion[VELOCITY, k]
         for row in range(1, end + 1):

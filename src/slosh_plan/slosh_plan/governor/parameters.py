@@ -73,7 +73,7 @@ def velocity_command(
 def arm_of(
     robot: CarryingRobot | None, start: Sequence[float], parameters: Mapping[str, Any]
 ) -> GovernedArm | None:
-    """Creates the robot that the governor moves; None if no robot is given.
+    """Creates the robot that the governor moves; None without a robot description.
 
     Args:
         robot: the description, with the user's limits.

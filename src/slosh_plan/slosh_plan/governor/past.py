@@ -38,7 +38,7 @@ class PastLiquid:
         self._added += 1
 
     def since(self, stamp_ns: int) -> int:
-        """Returns the number of stored steps since a time; 0 if all are later than the time.
+        """Returns how many of the stored steps lie at or after a time; 0 if all are later than it.
 
         Args:
             stamp_ns: the moment [ns].
@@ -53,7 +53,7 @@ class PastLiquid:
         return count
 
     def last(self, count: int) -> tuple[Array, Array]:
-        """Returns the models' states (MODELS, …) `count` steps ago, and the accelerations since.
+        """Returns the models' states (MODELS, …) `count` steps ago; accelerations since that step.
 
         The last row of the latter, (count, 3), is left for the present moment.
         """

@@ -81,7 +81,7 @@ class GovernedArm:
         )  # fmt: skip
 
     def usable(self, target: Sequence[float]) -> bool:
-        """Whether joint positions are finite and at most slightly outside of the joint limits."""
+        """Whether joint positions are finite and at most slightly beyond the joint limits."""
         beyond = TUNING.governor_beyond
         place = np.array(target, dtype=np.float64)
         inside = (place >= self.limits.lower - beyond) & (place <= self.limits.upper + beyond)

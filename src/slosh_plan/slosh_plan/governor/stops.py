@@ -1,4 +1,4 @@
-"""Compiled candidate motions of the governor: the stored stop, or part of a command and a stop.
+"""Compiled candidate motions: the stored safe stop, or a share of the command, then a stop.
 
 The governor holds a *stop*: accelerations of the coordinates at the rows of a time grid, linear
 between them, that bring the container to rest. A candidate makes one step, of which a share is the
@@ -84,7 +84,7 @@ def next_held(motion, state, stop, settings, found):  # type: ignore[no-untyped-
 
 @compiled
 def _add_law(velocity, acceleration, law, times, rows):  # type: ignore[no-untyped-def]
-    """Adds accelerations that bring a given velocity and acceleration to 0; returns the end row.
+    """Adds accelerations that end a given velocity and acceleration; returns the last row.
 
     The law is in the rows from 2 on, its first value in row 1; returns the rows up to its end. Its
     integral by the rows is exactly the velocity.
@@ -149,7 +149,7 @@ def candidate(motion, state, stop, settings, plan, wanted, held, first, times, r
 
 @compiled
 def _variant(state, settings, turn):  # type: ignore[no-untyped-def]
-    """Returns duration [s] and two shape parameters of a stop, a variation of the last one.
+    """Returns duration [s] and two shape parameters of a stop that differs from the last stop.
 
     Not shorter than LEAST: a stop of few steps takes all of the jerk even at a low speed, and one
     that is a little longer takes it, too, with the acceleration of the next step.
@@ -169,7 +169,7 @@ def _variant(state, settings, turn):  # type: ignore[no-untyped-def]
 
 @compiled
 def make_plans(state, settings, block, follow, plans, best):  # type: ignore[no-untyped-def]
-    """Chooses the candidate motions of one round: shares of the command and shapes of the stop.
+    """Chooses the candidates of one search round: shares of the command, shapes of the stop.
 
     All of the command with various stops; shares of it with the lowest of them, down to nothing;
     the held stop and others from now on, in a stop shorter ones.
@@ -195,7 +195,7 @@ def make_plans(state, settings, block, follow, plans, best):  # type: ignore[no-
 
 @compiled
 def take(motion, state, stop, settings, rows, end):  # type: ignore[no-untyped-def]
-    """Advances the motion one step along a candidate, whose rest becomes the stored safe stop."""
+    """Advances the motion one step along a candidate and stores its remainder as safe stop."""
     dt, per_row = settings[PERIOD], settings[SUBDIVISION]
     for k in range(rows.shape[1]):
         now, following = motion[RATE, k], rows[1, k]

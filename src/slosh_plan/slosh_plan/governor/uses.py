@@ -47,7 +47,7 @@ LEAST = 1e-3
 
 @compiled
 def _displacements(store, heights, lane, felt, count, placed):  # type: ignore[no-untyped-def]
-    """Computes the displacement of the first mode's mass at each sample from the wall heights.
+    """Computes the displacement of the first mode's mass at each sample from wall heights [m].
 
     In the axes of the mode.
     """
@@ -97,7 +97,7 @@ def _pressures(felt, axes, count, pushing, pressing):  # type: ignore[no-untyped
 
 @compiled
 def _standing(cup, placed, pushing, weights, pressing, count):  # type: ignore[no-untyped-def]
-    """Returns the largest fractions of friction and support base that a motion uses."""
+    """Returns the largest fractions of friction and support base that a candidate motion uses."""
     slip = tip = 0.0
     for row in range(1, count - 1):
         force, inverse = pressing[row, 0], pressing[row, 1]
@@ -118,7 +118,7 @@ def _standing(cup, placed, pushing, weights, pressing, count):  # type: ignore[n
 
 @compiled
 def _raised(values, models, settings):  # type: ignore[no-untyped-def]
-    """Returns the largest value of several models, with a margin for models between them.
+    """Returns a quantity's largest value over several models, plus a margin for other models.
 
     Of fewer models it is never greater than of all.
     """

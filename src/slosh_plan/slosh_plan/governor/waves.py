@@ -1,4 +1,4 @@
-"""Compiled simulation of nonlinear models in the governor, many simulations at once.
+"""Compiled simulation of the usual nonlinear (NL) models, several in parallel vector lanes.
 
 A lane is a model in a candidate motion. Most containers' models have one mode and the effects
 `vertical_acceleration` and `surface_nonlinearity` or `pendulum_nonlinearity`: their equations are
@@ -62,7 +62,7 @@ def kind_of(model: Model) -> int:
 
 @compiled
 def _load(w, k, store, pendulum, end):  # type: ignore[no-untyped-def]
-    """Loads a model's state and constants to a lane, in units of the radius or as angles [rad]."""
+    """Loads a model's state and constants into a lane, in units of the radius or in rad."""
     runs, modes = records(store)
     run, mode = runs[0], modes[0]
     omega, parameters = mode["natural_frequency"], run["parameters"]
@@ -123,7 +123,7 @@ def _swing(angle, rate, a, stiffness, drag):  # type: ignore[no-untyped-def]
 
 @compiled
 def _slope(pendulum, w, k, q, ax, ay, g):  # type: ignore[no-untyped-def]
-    """Returns the second time derivatives of the two coordinates of a wave."""
+    """Returns the second time derivatives of a wave's x and y coordinates in one lane."""
     x, y, vx, vy = q
     if not pendulum:
         return _on_paraboloid(w, k, x, y, vx, vy, ax, ay, g)
@@ -133,7 +133,7 @@ def _slope(pendulum, w, k, q, ax, ay, g):  # type: ignore[no-untyped-def]
 
 @compiled
 def _advance(pendulum, w, k, step, share):  # type: ignore[no-untyped-def]
-    """Makes one Runge-Kutta step of a simulation, by a share of the sample interval."""
+    """Makes one Runge-Kutta step of a lane; `share` is the step's end in the sample interval."""
     x, y, vx, vy = w[X + k], w[Y + k], w[VX + k], w[VY + k]
     ax, ay, g = w[LEFT_X + k], w[LEFT_Y + k], w[LEFT_G + k]
     bx = w[OLD_X + k] + share * (w[NEW_X + k] - w[OLD_X + k])
@@ -172,7 +172,7 @@ def _advance_pendulum(lanes, w, step, share):  # type: ignore[no-untyped-def]
 
 @compiled
 def _heights(w, k):  # type: ignore[no-untyped-def]
-    """Returns the wall heights of one simulation at the container's +x and +y [m]."""
+    """Returns the wall heights of one lane at the container's +x and +y side [m]."""
     g = w[NEW_G + k]
     light = 1.0 / (g if g > 0.5 else 0.5)
     x = w[GAIN_X + k] * w[X + k] - w[STATIC_X + k] * light * w[NEW_X + k]
@@ -181,7 +181,7 @@ def _heights(w, k):  # type: ignore[no-untyped-def]
 
 @compiled
 def _watch_round(lanes, w):  # type: ignore[no-untyped-def]
-    """Updates the heights of all simulations, and their largest squares on a round wall [m²]."""
+    """Updates the heights of all lanes, and each lane's maximum square on a round wall [m²]."""
     for k in range(lanes):
         x, y = _heights(w, k)
         w[HEIGHT_X + k], w[HEIGHT_Y + k], top = x, y, w[TOP + k]
@@ -191,7 +191,7 @@ def _watch_round(lanes, w):  # type: ignore[no-untyped-def]
 
 @compiled
 def _watch_rectangle(lanes, w, row):  # type: ignore[no-untyped-def]
-    """Updates the heights of all simulations, and the largest ones at a rectangle's corners [m].
+    """Updates the heights of all lanes, and each lane's greatest height at the corners [m].
 
     After the stop the crests of both axes may meet at any time.
     """
@@ -224,7 +224,7 @@ def _take_inputs(lanes, w, inputs, row):  # type: ignore[no-untyped-def]
 
 @compiled
 def _exceeds(lanes, w, ceiling):  # type: ignore[no-untyped-def]
-    """Whether the largest height (or its square) of any simulation exceeds a ceiling."""
+    """Whether the greatest height (or its square) in any lane exceeds a ceiling."""
     highest = 0.0
     for k in range(lanes):
         highest = max(highest, w[TOP + k])
@@ -233,9 +233,7 @@ def _exceeds(lanes, w, ceiling):  # type: ignore[no-untyped-def]
 
 @compiled
 def begin_waves(stores, size, which, models, ends, pendulum, w):  # type: ignore[no-untyped-def]
-    """Loads models and candidate motions for simulations that run at once.
-
-    Unused lanes repeat the first simulation.
+    """Loads models and candidate motions into the lanes; unused lanes repeat the first lane.
 
     Args:
         stores: (MODELS, …) of a container.

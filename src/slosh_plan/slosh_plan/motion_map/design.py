@@ -71,7 +71,7 @@ class Stroke:
         return self.ratio * self.cycle(speed)
 
     def inputs(self, profile: Law, speed: float, cycles: float) -> Inputs:
-        """Returns the container's acceleration over a number of cycles as simulation input."""
+        """Returns the container's acceleration over a number of cycles, as the models' input."""
         duration, cycle = self.duration(speed), self.cycle(speed)
         step = duration / TUNING.map_rows
         t: Array = step * np.arange(math.ceil(cycles * cycle / step) + 1, dtype=np.float64)
@@ -97,7 +97,7 @@ class StrokeHeights:
     jerk: float
 
     def excess(self, limits: PlanLimits) -> float:
-        """Returns the largest relative excess over a limit; at most 0 if all limits are kept."""
+        """Returns the largest relative excess over a height limit; at most 0 if all are kept."""
         names = ("acceleration", "jerk", "residual")
         used = [getattr(self, name) / getattr(limits, name) for name in names]
         return float(max(self.peak / limits.height, *used)) - 1.0
@@ -185,7 +185,7 @@ def _program(
     size = 2 * COUNT + 2
 
     def rows(block: Array, column: int | None, least: Array) -> tuple[Array, Array]:
-        """Returns constraint rows |block · weights + least| ≤ the unknown `column`, or ≤ 1."""
+        """Returns constraints |block · weights + least| ≤ variable `column` (None: ≤ 1)."""
         full = np.zeros((2 * len(block), size))
         full[:, :COUNT] = np.concatenate([block, -block])
         bound = np.concatenate([-least, least])

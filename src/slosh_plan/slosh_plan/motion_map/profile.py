@@ -53,7 +53,7 @@ class Profile:
 
 
 def spline(weights: Array) -> BSpline:
-    """Returns the acceleration's spline for given weights, one spline per column."""
+    """Returns acceleration splines over normalised time for given weights, one per column."""
     ends = np.zeros((1, *weights.shape[1:]))
     return BSpline(KNOTS, np.concatenate([ends, weights, ends]), DEGREE)
 

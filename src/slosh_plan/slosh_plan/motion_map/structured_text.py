@@ -35,7 +35,7 @@ def table_text(found: MotionMap) -> str:
 
 
 def structured_text(found: MotionMap) -> str:
-    """Returns a function block that gives position, velocity and acceleration of the stroke."""
+    """Returns the IEC 61131-3 function block of the stroke's position, velocity, acceleration."""
     every = _all(found)
     rows, segments, _ = every.shape
     last = rows * segments * POWERS - 1

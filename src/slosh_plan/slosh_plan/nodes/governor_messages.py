@@ -86,7 +86,7 @@ def safe_twist(moved: Governed, frame: str) -> TwistStamped:
 
 
 def stop_message(moving: Sequence[Governed], period: float, frame: str) -> MultiDOFJointTrajectory:
-    """Creates the message of a stop; positions are relative to where it begins.
+    """Creates the message of a predicted stop; positions are relative to the stop's start.
 
     Args:
         moving: steps, the first before the stop begins.

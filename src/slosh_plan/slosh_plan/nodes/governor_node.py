@@ -123,7 +123,7 @@ class GovernorNode(PreparedNode):
         self.create_timer(1.0 / values["rate"], self._step)
 
     def _renew(self, stamp_ns: int = 0) -> None:
-        """Creates a governor for the gripper's containers and the robot's present position."""
+        """Creates a governor for the held containers and the robot's present joint positions."""
         tray = self._container.tray
         held = tray if tray.present else tray.first.model
         try:
@@ -192,7 +192,7 @@ class GovernorNode(PreparedNode):
         self._told.publish(governed_message(moved, frame, self._names))
 
     def _locate(self, core: Governor, now_ns: int) -> None:
-        """Passes the measured positions of the robot's joints to the governor."""
+        """Tells the governor the measured joint positions, or that recent ones are missing."""
         if self._robot is None or self._of_joints is not None:
             return
         self._lost = self._joints.silence(now_ns, TUNING.governor_unheard)
@@ -203,7 +203,7 @@ class GovernorNode(PreparedNode):
 
     @property
     def _is_elsewhere(self) -> bool:
-        """Whether the robot was moved by another program while the governor was at rest."""
+        """Whether the joints were moved by something else while the governor was at rest."""
         if self._robot is None or self._joints.missing:
             return False
         core = self._core

@@ -52,7 +52,7 @@ class ContainerWatch:
         return {"model": format_model(self.tray.first.model), **tray}
 
     def asked(self, path: str, service: str) -> Tray:
-        """Returns the tray that a request names; a single model becomes a tray with one container.
+        """Returns the tray that a request names; a single model becomes a one-container tray.
 
         Args:
             path: of the file that the request names; empty: what the gripper holds.

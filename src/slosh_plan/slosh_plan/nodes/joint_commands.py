@@ -167,7 +167,7 @@ class JointPlaces:
         self._unusable: dict[str, float] = {}
 
     def hear(self, message: JointState) -> None:
-        """Stores the positions of a joint state; ignores one without a position for each name."""
+        """Stores a JointState's positions; ignores a message without a position for each name."""
         if len(message.position) != len(message.name):
             return
         for name, value in zip(message.name, message.position, strict=True):
@@ -180,7 +180,7 @@ class JointPlaces:
                 self._unusable[name] = float(value)
 
     def silence(self, now_ns: int, timeout: float) -> str:
-        """Returns a line that names joints without recent positions; empty if there are none."""
+        """Names a joint without joint states for longer than a timeout [s]; empty if none."""
         for name in self._joints:
             seconds = (now_ns - self._heard_ns.get(name, now_ns)) / SECOND
             if seconds > timeout:
@@ -189,7 +189,7 @@ class JointPlaces:
 
     @property
     def waiting(self) -> str:
-        """A line that names joints whose positions were never received; empty if none."""
+        """Names joints whose position was never received, in one line; empty if none."""
         if not self.missing:
             return ""
         bad = "".join(self._bad(name) for name in self.missing)
@@ -205,5 +205,5 @@ class JointPlaces:
 
     @property
     def places(self) -> list[float]:
-        """Positions in the governor's order [rad or m]; all must be known."""
+        """Joint positions in the governor's order [rad or m]; needs a position of every joint."""
         return [self._known[name] for name in self._joints]

@@ -1,4 +1,4 @@
-"""Reads the newest estimate only when it is needed."""
+"""Reads the estimator's newest message only when it is needed."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ UNKNOWN = (
 
 
 class NewestEstimate:
-    """Subscribes to estimates without a callback; the newest one is read when needed.
+    """Subscribes to the estimator without a callback; its newest message is read when needed.
 
     A thousand messages a second must not wake the process. So the subscription is one of a hidden
     node that no executor has. A callback group that never executes is not enough: the events
@@ -59,7 +59,7 @@ class NewestEstimate:
         return self._reader.create_subscription(kind, name, lambda _: None, qos.NEWEST_IN)
 
     def state(self) -> LiquidState:
-        """Returns the present state of the liquid, from the observer if it is accurate enough.
+        """Returns the liquid's present state, from the observer if that is accurate enough.
 
         Raises:
             SloshEstimatorError: nobody tells, or what is told is old or no known state.

@@ -57,7 +57,7 @@ class RequestedPath:
 
     @property
     def attitude(self) -> Array | None:
-        """Attitude quaternion (4,) of the container; None if upright or given by the joints."""
+        """Container's attitude quaternion (4,); None if upright or determined by the joints."""
         return None if self.waypoints is None else self.waypoints.attitude
 
     def path(self, model: Model, stopped: Callable[[], bool]) -> Path:
@@ -123,7 +123,7 @@ def waypoints_of(request: Any) -> Waypoints:
 
 
 def _kept(attitude: Array) -> Array:
-    """Returns the attitude (4,) that all attitudes (N, 4) share.
+    """Returns the attitude (4,) that a path's attitudes (N, 4) share; an error if they differ.
 
     Raises:
         SloshEstimatorError: it changes.

@@ -148,7 +148,7 @@ class PlannedMotions:
         return self._message(found, now, start_ns, state is not None, whence)
 
     def _state(self, tray: Tray) -> tuple[LiquidStates | None, str]:
-        """Returns the liquid's state, or rest and the reason why no state is known."""
+        """Returns the liquid's state; if unknown, None (taken as at rest) and the reason."""
         try:
             return self._estimate.state_for(tray), ""
         except SloshEstimatorError as error:

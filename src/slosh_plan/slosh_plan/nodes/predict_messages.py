@@ -114,12 +114,12 @@ def fill_scales(response: Any, scales: SafeScales) -> None:
 
 
 def given(value: float, otherwise: float) -> float:
-    """Returns a number of a request, or a default if it is NaN or 0."""
+    """Returns a number from a request, or a default if the number is NaN or 0."""
     return otherwise if value == 0.0 or math.isnan(value) else value
 
 
 def trajectory_of_points(points: Points, name: str) -> Trajectory:
-    """Creates a motion from trajectory points, by accelerations if all have one, else by poses.
+    """Creates a motion from trajectory points: from accelerations if complete, else from poses.
 
     Raises:
         SloshEstimatorError, SloshPlanError: it cannot be one, or its fields contradict each other.
@@ -155,7 +155,7 @@ def read_points(
 
 
 def poses_of(points: PointArrays) -> tuple[Array | None, Array | None]:
-    """Returns positions (N, 3) [m] and attitudes (N, 4), or None if they are not given.
+    """Returns positions (N, 3) [m] and attitudes (N, 4) of trajectory points; None if missing.
 
     The attitude is None, too, where the container stands unturned throughout. A rotation of zeros
     is upright.
@@ -169,7 +169,7 @@ def poses_of(points: PointArrays) -> tuple[Array | None, Array | None]:
 
 
 def _linear_of(points: PointArrays, field: str) -> Array | None:
-    """Returns the linear part (N, 3) of the points' twists, or None if one lacks it."""
+    """Returns the linear part (N, 3) of the points' twists, or None if a point lacks a twist."""
     twists = points.values[field]
     return None if twists is None else twists[:, :3]
 

@@ -228,7 +228,7 @@ class RelayNode(PreparedNode):
             goal.publish_feedback(feedback)
 
     def _awaited(self, future: Any, longest: float) -> Any | None:
-        """Returns the result of a future; None if the controller is gone or too slow."""
+        """Returns a future's result; None if the robot's controller is gone or too slow."""
         done, end = threading.Event(), time.monotonic() + longest
         future.add_done_callback(lambda _: done.set())
         gone = self._gone()

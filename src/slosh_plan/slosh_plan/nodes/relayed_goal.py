@@ -33,7 +33,7 @@ NAME = "the goal"
 
 
 class WrongJointsError(SloshPlanError):
-    """Error of a goal whose joints are not those of the robot."""
+    """Error of a trajectory goal whose joints are not those of the robot."""
 
 
 class Relayed(NamedTuple):
@@ -68,7 +68,7 @@ class RelayRules:
 
     @property
     def heights(self) -> HeightLimits:
-        """The limits of the liquid's height, without the joint limits."""
+        """The relay's limits of the liquid's height, without the joint limits."""
         limits = self.limits
         return HeightLimits(limits.height, limits.residual, rim_distance=limits.rim_distance)
 
@@ -83,7 +83,7 @@ def relayed(
     state: LiquidStates | None,
     watch: Watch,
 ) -> Relayed:
-    """Checks a goal and returns what is to be sent to the controller.
+    """Checks a joint-trajectory goal; returns the goal to send to the controller.
 
     Args:
         goal: of the action.

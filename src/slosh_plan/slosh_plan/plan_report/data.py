@@ -85,7 +85,7 @@ class PlanReport:
 
     @property
     def motions(self) -> tuple[ShownMotion, ...]:
-        """The motions for comparison and then the planned one, without duplicates."""
+        """Comparison motions followed by the planned motion, without duplicates."""
         before = () if self.proposal is None else (self.proposal,)
         if self.scaled.found is self.planned.found:
             return (*before, self.planned)

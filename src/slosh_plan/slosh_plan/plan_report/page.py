@@ -211,7 +211,7 @@ def path_chart(report: PlanReport, axes_shown: tuple[int, int], size: Size, name
 
 
 def _top(series: ChartSeries) -> float:
-    """Returns the vertical axis' upper end: above the limit and the planned motion."""
+    """Returns the vertical axis' upper end, above both the limit and the planned motion."""
     planned = float(np.max(series.lines[-1][1]))
     if series.limit is not None:
         return HEADROOM * max(series.limit, planned)
@@ -248,7 +248,7 @@ def headline(document: Document) -> str:
 
 
 def interval_excess(document: Document) -> float:
-    """Returns by how much the 95 % interval's upper end exceeds a height limit [m], or 0."""
+    """Returns by how much the 95 % interval's upper end exceeds a height limit [m], else 0."""
     if document["upper"] is None:
         return 0.0
     limits = document["limits"]

@@ -76,7 +76,7 @@ class CheckedMotion:
     standing: Mapping[str, float] = field(default_factory=dict)
 
     def excess(self, limits: PlanLimits) -> dict[str, float]:
-        """Returns the relative excess over each limit; at most 0 if the limit is not exceeded."""
+        """Returns the relative excess over each limit; at most 0 for a limit that is kept."""
         plain = ("acceleration", "jerk", "tilt_rate", "tilt_acceleration")
         shares = {name: getattr(self, name) / getattr(limits, name) - 1.0 for name in plain}
         used = {**self.joints, **self.standing}
@@ -140,7 +140,7 @@ class Checker:
         ]
 
     def _found(self, model: Model, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
-        """Simulates motions with a model, with the used friction and base of a loose container."""
+        """Simulates motions with a model; computes friction and base use of a loose container."""
         found = checked(model, motions, self.attitude)
         if self.loose is None:
             return found
@@ -150,12 +150,12 @@ class Checker:
         ]
 
     def glance(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
-        """Simulates motions without parameter uncertainty, as quick lower bound of heights."""
+        """Simulates motions without parameter uncertainty: a quick lower bound of heights."""
         return replace(self, model=replace(self.model, covariance=None))(motions)
 
 
 def _higher(one: CheckedMotion, other: CheckedMotion) -> CheckedMotion:
-    """Raises a motion's upper bounds of heights and shares to another model's, where higher."""
+    """Raises a motion's upper bounds of heights and limit use where another model's are higher."""
     return replace(
         one,
         upper=max(one.upper, other.peak),
@@ -219,7 +219,7 @@ def standing_uses(
 
 
 def _with_rest(motion: PlannedMotion, seconds: float, attitude: Array | None) -> Inputs:
-    """Returns a motion and the rest after it as input of a model."""
+    """Returns a motion, followed by rest, as input of a model."""
     rest = np.zeros((int(np.ceil(seconds / motion.step)), 3))
     acceleration = np.concatenate([motion.acceleration, rest])
     t: Array = motion.step * np.arange(len(acceleration), dtype=np.float64)
@@ -232,7 +232,7 @@ def _finite(msh: Array) -> Array:
 
 
 def attitudes(motion: PlannedMotion, attitude: Array | None, rows: int) -> Array | None:
-    """Returns quaternions over a motion and the rest after it, or None if upright.
+    """Returns quaternions over a motion and the rest that follows; None if upright.
 
     Args:
         motion: the motion.

@@ -183,7 +183,7 @@ class CollocationProblem:
         )
 
     def _residual(self, flow: Flow, number: int, layout: StateLayout) -> _Part:
-        """Returns the constraint on the residual wave of one of the liquids at the end."""
+        """Returns the constraint on a liquid's residual wave at the end of the motion."""
         ca = casadi()
 
         own = slice(LIQUID * number, LIQUID * (number + 1))

@@ -210,7 +210,7 @@ class Interval:
     def _there(
         self, full: Expression, curve: Expression, limits: Expression
     ) -> tuple[Expression, list[Expression]]:
-        """Returns the liquid state's time derivative, and the constraints, at a given state."""
+        """Returns the liquid state's time derivative and the constraint values at a state."""
         ca = casadi()
 
         tangent, bend, _ = ca.vertsplit(curve[:CURVE], 3)
@@ -248,7 +248,7 @@ class Interval:
 
 
 def curve_of(leg: Leg) -> Any:
-    """Returns a function from path position to the curve's derivatives, expanded to second order.
+    """Returns a function from path position to a leg's derivatives, by a Taylor expansion.
 
     A spline through many of their values: one look-up in place of three.
     """
@@ -272,13 +272,13 @@ def _look_up(spline: BSpline, order: int) -> Any:
 
 
 def _expanded(terms: Expression, distance: Expression, width: int) -> Expression:
-    """Evaluates the Taylor expansion of the curve's columns at a distance."""
+    """Evaluates a leg's interpolated quantities at a distance by their Taylor expansion."""
     value, first, second = casadi().vertsplit(terms, width)
     return value + distance * (first + 0.5 * distance * second)
 
 
 def _later(chain: list[Expression], third: Expression, t: Expression) -> list[Expression]:
-    """Extrapolates a value, its first and second derivative; the third one is constant."""
+    """Extrapolates a value and two derivatives by a time, with constant third derivative."""
     s, v, a = chain
     return [s + t * (v + t * (a / 2 + t * third / 6)), v + t * (a + t * third / 2), a + t * third]
 

@@ -62,7 +62,7 @@ class JointLimits:
 def limits_of(
     arm: Arm, joints: Sequence[str], given: Mapping[str, Mapping[str, float]] | None = None
 ) -> JointLimits:
-    """Returns the joint limits of the robot's description, overridden by given ones.
+    """Returns the joint limits of the robot's description, overridden by the user's limits.
 
     Args:
         arm: the robot.

@@ -96,7 +96,7 @@ def joint_path(
     name: str = "the path",
     stopped: Callable[[], bool] = never,
 ) -> Path:
-    """Creates the container's path from a path of the joints through points.
+    """Creates the container's path from a joint path through waypoints of the joints.
 
     Args:
         arm: the robot.

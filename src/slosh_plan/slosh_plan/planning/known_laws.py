@@ -219,7 +219,7 @@ def _least(make: Make, limits: PlanLimits) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """Rule that lowers the speed along a curved path where its curvature is high.
+    """Rule that lowers the speed where the path is strongly curved.
 
     Attributes:
         power: 0: an even speed; 1/3: the two-thirds power law, at which an ellipse is gone through
@@ -265,12 +265,12 @@ class PacedLeg:
         return (spline, spline.derivative(), spline.derivative(2))
 
     def along(self, place: Array, rate: Array, change: Array) -> tuple[Array, Array, Array]:
-        """Converts the parameter and its time derivatives to path length s and its derivatives."""
+        """Converts a curve parameter and its time derivatives to s [m], ds/dt and d²s/dt²."""
         s, slope, bend = (np.asarray(spline(np.clip(place, 0.0, 1.0))) for spline in self.splines)
         return s, slope * rate, bend * rate**2 + slope * change
 
 
 def curved(leg: Leg) -> bool:
-    """Returns whether a leg is curved, so that the rule for the speed matters."""
+    """Returns whether a leg's curvature varies, so that the speed rule `Pace` has an effect."""
     bends = np.linalg.norm(leg.at(np.linspace(0.0, leg.length, TUNING.leg_points + 1))[2], axis=1)
     return bool(np.ptp(bends) * leg.length > TUNING.straight)

@@ -44,7 +44,7 @@ class LikelyModels:
     steps: Array
 
     def nearer(self, index: int, share: float) -> Model:
-        """Returns a model whose parameter errors are a fraction of those of another model.
+        """Returns the model with a given fraction of a likely model's parameter errors.
 
         Args:
             index: of the other.
@@ -88,7 +88,7 @@ def likely_models(model: Model, count: int = SAMPLES, seed: int = SEED) -> Likel
 
 
 def _possible(model: Model, names: tuple[str, ...], step: Array) -> Model:
-    """Changes a model's parameters by a step, or by the largest possible fraction of it."""
+    """Returns a model with parameters moved by a step, or by as much of the step as is valid."""
     centre = np.array([parameter_value(model, name) for name in names])
     for share in np.linspace(1.0, 0.0, 21):
         try:

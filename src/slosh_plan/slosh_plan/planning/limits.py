@@ -77,7 +77,7 @@ class PlanLimits(HeightLimits):
             )
 
     def under_rim(self, model: Model) -> Self:
-        """Returns the limits, lowered to the rim where that is lower, also after the end."""
+        """Returns the limits, with heights during and after the motion at most up to the rim."""
         kept = HeightLimits.under_rim(self, model)
         return replace(kept, residual=min(kept.residual, kept.height))
 

@@ -39,7 +39,7 @@ def available() -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LegGuess:
-    """Initial guess for a leg's motion and the liquid, at evenly spaced times.
+    """Initial guess for the motion along a leg and the liquid's state, at even time steps.
 
     Attributes:
         duration: of the leg [s].

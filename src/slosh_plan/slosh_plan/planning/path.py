@@ -59,7 +59,7 @@ class Leg:
         return 0.0, 0.0
 
     def columns(self, s: Array) -> Array:
-        """Returns position derivatives along the leg, which the search interpolates."""
+        """Returns d/ds, d²/ds² and d³/ds³ of the position along the leg, for interpolation."""
         return np.column_stack(self.at(s)[1:])
 
 
@@ -156,7 +156,7 @@ def smooth_path(points: Array, names: Sequence[str], stopped: Callable[[], bool]
 
 
 def _distinct(points: Array) -> Array:
-    """Removes points that repeat the previous one, but keeps the last point."""
+    """Removes path points that repeat the previous point, but keeps the last point."""
     kept = [0]
     for row in range(1, len(points)):
         if not _near(points[row], points[kept[-1]]):
@@ -186,7 +186,7 @@ Ends = tuple[Array | None, Array | None]
 
 
 def _tangents(parts: list[Array], reversals: tuple[bool, ...]) -> list[Ends]:
-    """Returns the tangents at the ends of the legs, or None where the tangent is free."""
+    """Returns the tangents at the ends of the legs, or None where no tangent is prescribed."""
     first: list[Array | None] = [None] * len(parts)
     last: list[Array | None] = [None] * len(parts)
     for n, back in enumerate(reversals):
@@ -260,7 +260,7 @@ def _through(at: Array, points: Array, first: Array | None, last: Array | None) 
 
 
 def _conditions(ends: tuple[list[tuple[int, Array]] | None, ...]) -> Any:
-    """Returns the end conditions for SciPy's splines; natural ones where the tangent is free."""
+    """Returns SciPy's spline end conditions; natural ones where no tangent is prescribed."""
     if all(end is None for end in ends):
         return None
     none = np.zeros_like(next(end for end in ends if end is not None)[0][1])

@@ -241,7 +241,7 @@ def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:
 
 
 def _upper(check: Checker, motion: PlannedMotion) -> tuple[float, float] | None:
-    """Returns upper ends of the 95 % intervals of peak and residual height [m], or None."""
+    """Returns the 95 % intervals' upper ends of peak and residual height [m]; None if unknown."""
     model = check.model
     if model.covariance is None:
         return None

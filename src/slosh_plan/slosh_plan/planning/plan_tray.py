@@ -63,7 +63,7 @@ def plan_tray(
     error: ModelError | None = None,
     robust: bool = False,
 ) -> TrayPlan:
-    """Plans for the container with the lowest limit; plans again if another one exceeds its own.
+    """Plans for the container with the lowest limit, then again if another exceeds its limit.
 
     A plan counts where its simulation keeps the limits of all. Where it exceeds that of another
     container the next plan is made for that one, each time with a limit that is lower by as much
@@ -127,7 +127,7 @@ def plan_container(
     watch: Watch | None = None,
     robust: bool = False,
 ) -> TrayPlan:
-    """Plans a motion of a tray or a single container; limits the computing time.
+    """Plans a motion of a tray or a single container within a limited computing time.
 
     Args:
         tray: a tray, or a model as a tray of one.
@@ -216,7 +216,7 @@ def _height(one: TrayContainer, limits: PlanLimits) -> float:
 
 
 def _use(found: Prediction, margin: float) -> float:
-    """Returns what fraction of its limits a container uses."""
+    """Returns the largest fraction of its limits that a container uses."""
     height, residual = found.limits.height, found.limits.residual
     return max((found.upper + margin) / height, (found.residual_upper + margin) / residual)
 
@@ -229,7 +229,7 @@ def _likely(
     margin: float,
     error: ModelError | None,
 ) -> float:
-    """Returns what fraction of its limits a container uses for all likely parameters."""
+    """Returns the largest fraction of its limits that a container uses with likely parameters."""
     loose = LooseContainer.of(one)
     return likely_use(one.placed, motion, found.limits, attitude, margin, error, loose)
 

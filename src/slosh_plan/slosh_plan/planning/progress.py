@@ -11,7 +11,7 @@ from slosh_plan.errors import SloshPlanError
 
 
 class StoppedError(SloshPlanError):
-    """Error that planning was stopped before it found a safe motion."""
+    """Error that planning was stopped by the user or caller before it found a safe motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ class Watch:
         self.stopped()
 
     def forget(self) -> None:
-        """Discards the safe motions found so far, which belong to another container."""
+        """Discards the safe motions found for another container, when planning starts again."""
         self._duration = math.inf
 
     def found(self, duration: float) -> None:

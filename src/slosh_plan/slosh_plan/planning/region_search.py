@@ -39,7 +39,7 @@ STANDING_PARTS = 10
 
 
 class Judged(NamedTuple):
-    """A motion, with its heights in each of the likely models.
+    """A motion, with the heights that each of the likely models gives for it.
 
     Attributes:
         motion: its upper heights are those of all models, with the model's measured error, and
@@ -137,7 +137,7 @@ class RegionSearch:
     def judged(
         self, motion: CheckedMotion, legs: Legs = (), models: Sequence[Model] | None = None
     ) -> Judged:
-        """Simulates a motion with the given models, or with all likely models."""
+        """Simulates a motion with chosen models, or with all likely models by default."""
         check, limits = self.search.check, self.search.limits
         models = models or self.likely.models
         heights, upper = upper_heights(models, motion.motion, check.attitude, check.error)

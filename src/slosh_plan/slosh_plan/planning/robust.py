@@ -134,7 +134,7 @@ def plan_robust(
 
 
 def _known_law(region: RegionSearch, best: Judged | None) -> tuple[Scaled | None, Judged]:
-    """Returns the fastest safe standard law, None if slower than `best`, and the faster motion.
+    """Returns the fastest safe standard law (None if slower than `best`), and the faster motion.
 
     Args:
         region: the search.

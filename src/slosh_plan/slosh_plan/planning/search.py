@@ -81,7 +81,7 @@ class OptimalSearch:
     watch: Watch
 
     def run(self) -> Found:
-        """Returns the best motion, and the reason if its time law is only a standard one."""
+        """Returns the best motion, and why it follows only a standard time law, if it does."""
         best, last = Found(self.scaled.found), "the search found nothing faster"
         if self.over():
             return replace(best, words=self.why_over())
@@ -133,7 +133,7 @@ class OptimalSearch:
         return PathSearch(flows, self.path, self.yaw, durations, tilting=tilting, loose=terms)
 
     def _enough(self, best: Found) -> bool:
-        """Returns whether enough time was spent on initial guesses, so that no other is tried."""
+        """Returns whether enough time was spent, so that no further initial guess is tried."""
         share = TUNING.again if best.legs else 1.0
         return self.watch.elapsed >= share * self.time_limit or self.watch.stopped()
 

@@ -89,7 +89,7 @@ class Filter:
         return np.asarray(sum(amplitude * function(t - delay) for delay, amplitude in pairs))
 
     def then(self, other: Filter) -> Filter:
-        """Returns the filter that applies this filter and then another one."""
+        """Returns the combination of this filter with another filter applied after it."""
         times = np.add.outer(self.times, other.times).ravel()
         weights = np.multiply.outer(self.amplitudes, other.amplitudes).ravel()
         name = self.name if self.name == other.name else f"{self.name}, {other.name}"
@@ -141,7 +141,7 @@ def moving_average(mode: Damped) -> Filter:
 
 
 def exponential(mode: Damped) -> Filter:
-    """Creates an average over one period whose weights decay like the mode.
+    """Creates an average over one period whose weights decay like the mode's oscillation.
 
     >>> mode = Damped(frequency=2.0 * math.pi, damping_ratio=0.02)
     >>> exponential(mode).residual(mode) < 1e-6

@@ -182,7 +182,7 @@ def filter_for(model: Model, name: str, acceleration: Array, yaw: float = 0.0) -
 
 
 def excited_modes(model: Model, acceleration: Array, yaw: float = 0.0) -> tuple[Damped, ...]:
-    """Returns the first mode along each axis that a motion excites; once if equal."""
+    """Returns the first mode along each excited axis; a single mode if both axes are equal."""
     mode = model.mode_constants()[0]
     along, across = (mode.along(axis).natural_frequency for axis in (X_AXIS, Y_AXIS))
     if along == across:
@@ -239,7 +239,7 @@ def _integrated(trajectory: Trajectory) -> Array:
 
 
 def _ends(path: Path, t: Array, way: Array, speed: Array) -> list[float]:
-    """Returns the end times of the legs [s], at the slowest sample near each corner."""
+    """Returns the legs' end times [s], each at the slowest sample near the leg's end corner."""
     ends, length = [0.0], 0.0
     for leg in path.legs[:-1]:
         length += leg.length
@@ -264,7 +264,7 @@ def _leg_law(
     high: float,
     size: list[float],
 ) -> Law:
-    """Returns the time law of a leg, with rest before and after it."""
+    """Returns the time law of one leg of a motion, at rest before its start and after its end."""
     t = np.linspace(start, stop, max(math.ceil((stop - start) / STEP), 20) + 1)
     values = np.clip(along(t) - low, 0.0, high - low)
     values[[0, -1]] = 0.0, high - low
@@ -332,7 +332,7 @@ def residual_free(mode: Damped, duration: float) -> UnitLaw:
 
 
 def _coefficients(mode: Damped, duration: float) -> Array:
-    """Returns the coefficients cₖ (TERMS,) of the added polynomial."""
+    """Returns the coefficients cₖ (TERMS,) of the polynomial that cancels the residual wave."""
     pole = complex(-mode.decay, mode.damped_frequency)
     # As seen at the motion's end: at most 1 in size, so that long motions do not overflow.
     wave = _WEIGHTS * np.exp(pole * duration * (1.0 - _U))

@@ -102,7 +102,7 @@ class PlcNode(PolledNode):
             self.get_logger().info(health.sentence)
 
     def close(self) -> None:
-        """Stops the servers; MQTT brokers keep the message that the cell is lost."""
+        """Stops the servers; MQTT brokers keep a message that the cell's values are not valid."""
         self._servers.stop()
 
     def _add(self, kind: Any, topic: str, profile: QoSProfile, use: Callable[[Any], None]) -> None:

@@ -28,7 +28,7 @@ def _column(_kind: type[Value], unit: str, meaning: str) -> Value:
 
 @dataclass(frozen=True, slots=True)
 class MotionRow:
-    """Key figures of one motion and of the rest until the next motion; one row of the store.
+    """Key figures of one motion and of the standstill after it; one row of the fleet store.
 
     NaN in a number: unknown.
     """

@@ -160,7 +160,7 @@ def _row(
 
 
 def _compared(table: _Table) -> dict[str, Any]:
-    """Returns the measured peak height and both models' errors at images with valid heights."""
+    """Returns measured peak height, and linear and nonlinear model's errors at valid images."""
     columns = table.columns
     measured = columns["measured"]
     usable = np.isfinite(measured) & (columns["measured_stale"] == 0)
@@ -177,7 +177,7 @@ def _compared(table: _Table) -> dict[str, Any]:
 
 
 def _identified(table: _Table, liquid: _Liquid) -> dict[str, Any]:
-    """Returns frequency, damping and level from the last state that the observer marks trusted."""
+    """Returns frequency, damping and fill level from the last trusted state of the observer."""
     rows = np.flatnonzero(table.columns["trusted"])
     names = ("frequency_factor", "frequency_stddev", "damping_factor", "damping_stddev", "level")
     last = [float(table.columns[n][rows[-1]]) for n in names] if len(rows) else [NAN] * 5
@@ -227,7 +227,7 @@ def _limits(starts: Sequence[NodeStart]) -> Mapping[Source, float]:
 
 
 def _read(run: RecordedRun, own: CellTopics, name: str, fields: Sequence[str]) -> _Table:
-    """Reads one topic of a cell as columns; no rows if the topic was not recorded."""
+    """Reads one topic of a robot cell as columns; no rows if the topic was not recorded."""
     topic = own.topic(name, _TYPES[name])
     blocks = [] if topic is None else list(run.reader.look_up([topic]))
     parts = [run.reader.columns(block, (*STAMP, *fields)) for block in blocks]

@@ -45,7 +45,7 @@ class Added(NamedTuple):
 
 
 class Parted(NamedTuple):
-    """The stored motions as two datasets: in one file each, and possibly in several files.
+    """The stored motions as two datasets: those stored only once, those possibly stored twice.
 
     Attributes:
         once: each motion in it is in one file only.
@@ -99,7 +99,7 @@ class FleetStore:
         return Added(len(rows), new, len(groups) - new)
 
     def noted(self, state: str) -> int | None:
-        """Returns the number of motions noted for an ingested bag; None if the bag is not noted.
+        """Returns the number of stored motions that is noted for a bag; None if nothing is noted.
 
         Args:
             state: digest of the bag's state, as given to `note`.
@@ -147,7 +147,7 @@ class FleetStore:
         return self._dataset(self._paths())
 
     def parted(self) -> Parted:
-        """Returns all stored motions, with those that may be stored twice in a separate dataset.
+        """Returns all stored motions; those possibly stored twice are in a separate dataset.
 
         Raises:
             SloshBagError: there are none, or the place cannot be read.

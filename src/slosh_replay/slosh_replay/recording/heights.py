@@ -56,11 +56,11 @@ class Measurements(NamedTuple):
 
     @property
     def usable_heights(self) -> Array:
-        """Heights (N,) [m]; NaN where the flags exclude them."""
+        """Heights (N,) [m]; NaN where the validity flags exclude a height."""
         return np.where(self.unusable, np.nan, self.heights)
 
     def chosen(self, rows: NDArray[Any]) -> Measurements:
-        """Returns the measurements at given indices or in a mask."""
+        """Returns the measurements selected by indices or by a mask."""
         columns: Any = (None if column is None else column[rows] for column in self)
         return Measurements(*columns)
 

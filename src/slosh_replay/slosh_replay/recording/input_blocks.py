@@ -102,7 +102,7 @@ class InputBlocks:
         return _pose_columns(found, self._world)
 
     def _placed(self, poses: PlacedAccel, message: Any) -> list[PlacedAcceleration]:
-        """Returns accelerations, converted by transforms, that a message completes."""
+        """Returns the container accelerations [m/s²] that become computable with a new message."""
         if hasattr(message, "transforms"):
             return poses.take_transforms(map(_transform, message.transforms))
         if message.header.frame_id != poses.frame:
@@ -111,7 +111,7 @@ class InputBlocks:
         return poses.take(stamp_ns(message), (a.x, a.y, a.z))
 
     def _taken(self, message: Any) -> list[TimedPose]:
-        """Returns the poses that a joint, transform or pose message completes."""
+        """Returns the poses that become computable with a new joint, transform or pose message."""
         if isinstance(self._poses, JointPoses):
             positions, velocities = message.position.tolist(), message.velocity.tolist()
             return self._poses.take(stamp_ns(message), message.name, positions, velocities)

@@ -187,7 +187,7 @@ class InputReader:
         self._adapter = self._settings.reader(self.kind)
 
     def carry(self, modes: Modes) -> None:
-        """Sets the sloshing modes of the model from the next sample on."""
+        """Replaces the model's sloshing modes, from the next input sample on."""
         self._settings = self._settings._replace(modes=modes)
         self._adapter.sampling.carry(modes)
 

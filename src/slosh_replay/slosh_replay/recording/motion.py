@@ -199,7 +199,7 @@ _NO_STAMPS = np.empty(0, dtype=np.int64)
 
 
 def at_stamps(wanted: Stamps, stamps: Stamps, values: Array) -> Array | None:
-    """Returns the first row of values at each of the given stamps; None if one is missing.
+    """Returns the first row of values at each stamp; None if there is no row at one of them.
 
     Args:
         wanted: stamps to look for.

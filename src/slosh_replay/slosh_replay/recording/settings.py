@@ -84,7 +84,7 @@ def first(starts: Sequence[NodeStart], node: str) -> NodeStart | None:
 def heard(
     starts: Sequence[NodeStart], node: str, published_ns: NDArray[np.int64]
 ) -> tuple[NodeStart, ...]:
-    """Removes the starts of node processes that ended before they published anything.
+    """Removes the starts of node processes that ended before they published any message.
 
     Args:
         starts: in the order of the recording.
@@ -104,7 +104,7 @@ def heard(
 def of_process(
     starts: Sequence[NodeStart], node: str, number: int, count: int
 ) -> tuple[NodeStart, ...]:
-    """Removes the starts of a node's other processes, if all starts are known.
+    """Drops the starts of all but one of a node's processes; none if a start is not recorded.
 
     Args:
         starts: in the order of the recording.
@@ -137,7 +137,7 @@ def last_of_each(starts: Iterable[NodeStart]) -> dict[str, NodeStart]:
 
 
 def after(known: NodeStart | None, news: NodeStart) -> NodeStart:
-    """Combines settings with a later message; a parameter change is not a new start."""
+    """Merges a node's settings with its later message; a parameter change is not a new start."""
     if known is None or not news.changed:
         return news
     return known._replace(parameters=news.parameters)
@@ -146,7 +146,7 @@ def after(known: NodeStart | None, news: NodeStart) -> NodeStart:
 def limits_over_time(
     starts: Sequence[NodeStart], node: str, meaning: Callable[[Mapping[str, Any]], T]
 ) -> tuple[T, list[tuple[int, T]]] | None:
-    """Applies `meaning` to a node's parameters of its last start and each change; None if unknown.
+    """Converts a node's parameters at its last start and each change; None if not recorded.
 
     Args:
         starts: in the order of the recording.

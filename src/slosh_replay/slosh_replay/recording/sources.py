@@ -51,7 +51,7 @@ class Sources(NamedTuple):
     observer_state: str | None = None
 
     def without_answers_to_others(self) -> Sources:
-        """Drops recorded results that belong to another input than the replayed one."""
+        """Drops recorded results that were computed from an input that is not replayed."""
         started = settings.first(self.starts, "estimator")
         if started is None or started.parameters.get("input", self.kind) == self.kind:
             return self
@@ -122,7 +122,7 @@ def find_sources(
 
 
 class CellTopics:
-    """Finds the topics of one robot cell by their last name, also outside its namespace.
+    """Finds a robot cell's topics by the last part of their names, also outside its namespace.
 
     Args:
         recorded: topics of the bag; those without messages do not count.
@@ -150,7 +150,7 @@ class CellTopics:
         return any(_namespace(topic) == self._home for topic in self._topics)
 
     def topic(self, name: str, message_type: str) -> str | None:
-        """Returns the cell's topic with this last name and type; None if there is none."""
+        """Returns the cell's topic of a type whose name ends in `name`; None if there is none."""
         found = [
             topic
             for topic, kind in self._topics.items()

@@ -49,7 +49,7 @@ class _Sums:
         self.clean, self.raw = RunningAccuracy(), RunningAccuracy()
 
     def add(self, raw: Array, clean: Array, model: Array) -> None:
-        """Adds heights (N,) [m] to the error sums; NaN where the camera or model gives none."""
+        """Adds heights (N,) [m] to the error sums; NaN marks a missing measurement or estimate."""
         self.raw.update_many(raw, model)
         self.clean.update_many(clean, model)
 

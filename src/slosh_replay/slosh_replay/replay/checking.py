@@ -22,7 +22,7 @@ ROUNDING = 1e-9
 
 
 class Point(NamedTuple):
-    """One check of a replay: its name, and why it failed.
+    """One check of a replay: its name, and the reason if it failed.
 
     Attributes:
         name: what it is.
@@ -59,7 +59,7 @@ class CheckedReplay:
 
 
 def check_result(result: ReplayResult, expected: Expectation) -> CheckedReplay:
-    """Checks everything for which an expected value is given."""
+    """Compares a replay's results with all expected values that the manifest contains."""
     checks = [
         *_models("MAE", "mm", expected.sigma, {a.name: a.sigma for a in result.accuracy}),
         *_models("ε", "%", expected.epsilon, {a.name: a.epsilon for a in result.accuracy}),

@@ -100,7 +100,7 @@ def conclude(
 
 
 def _verified(stream: ReplayStream, origin: Origin) -> dict[str, Verification]:
-    """Compares the messages of all nodes with the recorded ones, by last topic name.
+    """Compares all nodes' messages with the recorded ones, by the last part of topic names.
 
     Why estimates may differ is told of them, not of what follows from them.
     """

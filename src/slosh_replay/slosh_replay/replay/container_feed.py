@@ -1,4 +1,4 @@
-"""Compares the camera of a tray's container, other than the first, with a replay's estimates."""
+"""Compares the heights from a tray container's own camera with a replay's estimates."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _TOLD: Final = recorded_name(TRAY_ESTIMATE)
 
 
 class ReplayedContainerMonitor:
-    """Compares a further camera's heights with the replayed estimates of its container.
+    """Compares the heights from a tray container's own camera with the replayed estimates.
 
     Args:
         setting: of the replay; it has a tray.

@@ -21,7 +21,7 @@ its first recorded estimate tells with which input that was."""
 
 
 class Decision(NamedTuple):
-    """For the next inputs: whether the live estimator used each, and where it restarted.
+    """Which of the next recorded inputs the live estimator used, and where it was restarted.
 
     Attributes:
         reached: how many inputs it is about.

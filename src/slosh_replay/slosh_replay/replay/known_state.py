@@ -25,7 +25,7 @@ _STARTED, _LOST, _STATE = range(3)  # in the order in which they count at one in
 
 
 class Course(NamedTuple):
-    """For the next inputs: whether the liquid's state is known, and the states to restore.
+    """Whether the liquid's state is known at the next inputs, and recorded states to restore.
 
     Attributes:
         unknown: whether it is not known at the first of them, with which the replay begins.
@@ -37,7 +37,7 @@ class Course(NamedTuple):
 
 
 class _Event(NamedTuple):
-    """A change at an input: the state becomes unknown, or known again."""
+    """A change at an input: from there on, the liquid's state is unknown, or known again."""
 
     place: int
     kind: int

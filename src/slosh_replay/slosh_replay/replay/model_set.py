@@ -124,7 +124,7 @@ class ModelSet:
         self._twin = Estimator(_twin(model), at_rest=at_rest)
 
     def _in_order(self, own: T, twin: T) -> tuple[T, T]:
-        """Returns the values of the planar and the spatial model in this order."""
+        """Returns the planar (2D) model's value, then the spatial (3D) model's value."""
         return (twin, own) if _is_spatial(self.model) else (own, twin)
 
 

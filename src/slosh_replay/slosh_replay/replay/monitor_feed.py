@@ -168,7 +168,7 @@ class MonitorFeed:
 
 
 class _Accelerations:
-    """Accelerations that are passed to the detection of motions in portions."""
+    """Accelerations of the container, passed in portions to the detection of its motions."""
 
     def __init__(self, stamps: Integers, accelerations: Array | None) -> None:
         self._stamps, self._accelerations = stamps, accelerations

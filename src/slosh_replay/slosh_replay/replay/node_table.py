@@ -46,7 +46,7 @@ def node_table(
     force_surface: str = "",
     cameras: Sequence[ReplayedNode] = (),
 ) -> tuple[ReplayedNode, ...]:
-    """Returns the table of replayed nodes; each node follows those whose topics it reads.
+    """Returns the table of replayed nodes; each node comes after the nodes that it reads from.
 
     Args:
         modes: of the recorded estimates.

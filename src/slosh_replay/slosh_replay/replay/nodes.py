@@ -28,7 +28,7 @@ class Outputs:
     """Base class of receivers of a replay's results; ignores all results."""
 
     def begin(self, names: tuple[str, str], wall: Wall) -> None:
-        """Sets the names of the linear and the nonlinear model, and the container's wall."""
+        """Sets the linear and nonlinear model's names, and the container wall's geometry."""
 
     def estimates(self, estimates: ModelSetEstimates) -> None:
         """Receives estimates in the order of their samples."""
@@ -114,7 +114,7 @@ class Core(Protocol):
     """Interface of a node's processing class in a replay."""
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Processes new data; returns the node's messages by last topic name."""
+        """Processes new data; returns the node's messages by the last part of the topic name."""
 
 
 class NodeTopic(NamedTuple):

@@ -1,4 +1,4 @@
-"""Separates the estimates of one estimator from those of others on the same topic.
+"""Separates one estimator's estimates from those of other estimators on the same topic.
 
 Each estimate carries the number of inputs that its estimator has used so far, which grows by one
 from one estimate to the next. That and the stamps tell the estimators apart; a publisher's
@@ -36,7 +36,7 @@ class _Estimator(NamedTuple):
     period_ns: int = 0
 
     def misfit(self, used: int, stamp_ns: int) -> float | None:
-        """Returns the time error [ns] of an estimate as the next one, or None if impossible."""
+        """Returns an estimate's deviation [ns] from this estimator's rate; None if not its own."""
         steps, elapsed = used - self.used, stamp_ns - self.stamp_ns
         if steps < 1 or elapsed <= 0:
             return None
@@ -73,7 +73,7 @@ class OneEstimator:
         return sum(one.period_ns > 0 for one in self._known)
 
     def mask(self, stamps: Integers, used: Integers) -> NDArray[np.bool_]:
-        """Returns which of the next estimates belong to the estimator.
+        """Returns which of the next estimates come from the selected estimator.
 
         Args:
             stamps: (N,) of estimates [ns], in the order of the recording.
@@ -89,7 +89,7 @@ class OneEstimator:
         return np.asarray(of == self._number - 1)
 
     def _take(self, used: int, stamp_ns: int) -> int:
-        """Returns the index of the estimator that an estimate continues, or of a new one."""
+        """Returns the index of the known or new estimator that published an estimate."""
         fits = {
             number: misfit
             for number, one in enumerate(self._known)

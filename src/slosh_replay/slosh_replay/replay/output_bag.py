@@ -58,7 +58,7 @@ class OutputBag(Outputs):
         self._writer.close()
 
     def begin(self, names: tuple[str, str], wall: Wall) -> None:
-        """Sets the names of the linear and the nonlinear model, and the container's wall."""
+        """Sets the linear and nonlinear model's names, and the container wall's geometry."""
         self._names, self._template, self._wall = names, None, wall
 
     def estimates(self, estimates: ModelSetEstimates) -> None:
@@ -111,7 +111,7 @@ class OutputBag(Outputs):
         )
 
     def _make_template(self, own: Estimates) -> tuple[Layout, bytes]:
-        """Creates the message of a model's estimates, in which each estimate sets the numbers."""
+        """Creates a message of a model's estimates, whose numbers each estimate replaces."""
         types = self._store.types
         modal = np.zeros(2 * own.modal.shape[2])
         models = [

@@ -411,7 +411,7 @@ def _heard(sources: Sources, nodes: Sequence[ReplayedNode]) -> dict[str, NodeTop
 def _verifiers(
     heard: Mapping[str, NodeTopic], nodes: Sequence[ReplayedNode], *, camera: bool
 ) -> dict[str, Verifier]:
-    """Creates the objects that compare replayed with recorded messages, by last topic name."""
+    """Creates the objects that compare replayed with recorded messages, one for each topic."""
     return {
         topic.name: Verifier(full, topic.can_lack, node.tolerance)
         for full, topic in heard.items()
@@ -447,7 +447,7 @@ def _hand_over(
 
 
 def _changes(sources: Sources, model: Model, *, follow: bool) -> tuple[NodeStart, ...]:
-    """Returns the later starts of the estimator; a model given by the user is kept."""
+    """Returns the estimator's recorded settings after its first start; keeps the user's model."""
     later = [start for start in sources.starts if start.node == "estimator"][1:]
     if follow:
         return tuple(later)
@@ -484,7 +484,7 @@ def _monitor_settings(
 def _with_rim(
     first: MonitorSettings, changes: list[tuple[int, MonitorSettings]], model: Model, *, told: bool
 ) -> tuple[MonitorSettings, list[tuple[int, MonitorSettings]]]:
-    """Returns the monitor settings with the recorded rim, or with that of the model.
+    """Returns the monitor settings with the recorded height of the rim, or else the model's.
 
     Args:
         first, changes: of the recording.

@@ -36,7 +36,7 @@ _YAW, _POSE = "yaw", "pose"
 
 
 class TableReader(InputReader):
-    """Converts rows of a table to samples, with the container's attitude if given.
+    """Converts rows of a table to samples, with the container's attitude if the table has it.
 
     Args:
         table: the table; as a whole it tells more than row by row.

@@ -87,14 +87,14 @@ class ReplayedEstimator:
 
     @property
     def longest_gap_ns(self) -> int:
-        """Longest input gap that the models integrate across with any of the settings [ns]."""
+        """Longest input gap [ns] that the models integrate across, over all recorded settings."""
         later = [self._input_settings(c) for c in self.setting.changes if c.changed]
         gaps = [round(one.gate.max_gap * 1e9) for one in later if one is not None]
         return max([self.setting.reader.max_gap_ns, *gaps])
 
     @property
     def waiting_ns(self) -> int | None:
-        """Stamp [ns] of the first input whose use is undecided; None if all are decided."""
+        """Stamp [ns] of the first input that may or may not have been used live; None if none."""
         return int(self._inputs[0].stamps[0]) if self._inputs else None
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
@@ -118,7 +118,7 @@ class ReplayedEstimator:
         return heights
 
     def _estimate(self, final: bool) -> None:
-        """Computes estimates from the inputs whose use is decided."""
+        """Computes estimates from the inputs that the live estimator is known to have used."""
         if not self._inputs:
             return
         inputs = joined_messages(self._inputs)
@@ -170,7 +170,7 @@ class ReplayedEstimator:
     def _known_again(
         self, stamps: Integers, decision: Decision
     ) -> list[tuple[int, Callable[[], None]]]:
-        """Returns the recorded states to restore at inputs with these stamps."""
+        """Returns the actions that restore recorded liquid states, each with its input's index."""
         if self.setting.counter is not None:
             self.setting.counter.follow(stamps, decision)
         if self.setting.known is None:
@@ -206,7 +206,7 @@ class ReplayedEstimator:
         self.setting.outputs.begin(self.models.own_names, self.models.model.container.wall)
 
     def _carry(self, change: NodeStart) -> int:
-        """Loads the tray of a recorded start; returns the changed place's index, or -1 for all."""
+        """Loads the recorded tray; returns the index of the replaced container, or -1 for all."""
         tray = tray_of(change) if self._tray is not None else None
         if tray is None or self._tray is None or tray.names != self._tray.names:
             return -1

@@ -26,7 +26,7 @@ SENSOR, PAYLOAD, BESIDE = "sensor", "payload", "beside_camera"
 
 
 def force_surface_topic(starts: Sequence[NodeStart]) -> str:
-    """Returns the topic of heights from a force; empty where no single sensor node made them."""
+    """Returns the topic of heights computed from a force; empty unless one node did this."""
     sensors = [start for start in starts if start.node == SENSOR and PAYLOAD in start.files]
     if len(sensors) != 1:
         return ""
@@ -34,7 +34,7 @@ def force_surface_topic(starts: Sequence[NodeStart]) -> str:
 
 
 class ReplayedForce:
-    """Replays heights from a force; the live node forms the same blocks in any order of arrival.
+    """Replays the wave heights computed from a force, in the same blocks as the live node.
 
     Args:
         setting: of the replay.
@@ -64,7 +64,7 @@ class ReplayedForce:
         }
 
     def _waves(self, samples: Messages, forces: Messages) -> Iterator[SensedWave]:
-        """Yields the waves of the added forces and samples, in batches up to common stamps."""
+        """Yields the waves that are computed from new forces and container motions."""
         if len(samples.stamps):
             for start in dict.fromkeys(samples.columns["start"].astype(np.int64).tolist()):
                 model = self._setting.loaded[start]

@@ -178,7 +178,7 @@ class ReplayedObserver:
         return True
 
     def _feed(self, observer: Observer, stamp_ns: int) -> None:
-        """Passes to the observer the heights that the live one had used at this sample."""
+        """Passes to the observer the heights that the live observer used up to a given stamp."""
         while self._states and self._states[0][0] < stamp_ns:
             self._states.popleft()
         if not self._states or self._states[0][0] != stamp_ns:

@@ -110,7 +110,7 @@ def replay_report(result: ReplayResult, around: Surroundings | None = None) -> R
 
 
 def _lasting_limit(result: ReplayResult, start: int) -> tuple[float, str]:
-    """Returns the limit [m] in the chart and its name, or NaN if the limit changed.
+    """Returns the height limit [m] to draw in the chart and its name; NaN if the limit changed.
 
     Without a camera it is that of the estimate.
 
@@ -183,7 +183,7 @@ def event_spans(events: Sequence[Event], start: int) -> tuple[ExcessSpan, ...]:
 
 
 def _shown(result: ReplayResult) -> slice:
-    """Returns the range of images that have estimates nearby; a recording may be much longer."""
+    """Returns the index range of images close in time to estimates, to be shown in the charts."""
     known = [np.flatnonzero(np.isfinite(heights)) for heights in result.heights.values()]
     indices = np.concatenate(known) if known else np.empty(0, dtype=np.int64)
     if len(indices) == 0:

@@ -202,7 +202,7 @@ class ReplayStream:
             self.setting.matcher.forget(until)
 
     def _estimate(self, final: bool) -> None:
-        """Computes estimates from the inputs whose use is decided."""
+        """Computes estimates from the inputs that the live estimator is known to have used."""
         taken, self._inputs = joined_messages(self._inputs), []
         moment = Moment({self.setting.reader.kind: taken}, final=final)
         for name, given in self.estimator.update(moment).items():
@@ -218,7 +218,7 @@ class ReplayStream:
             self.verifiers[name].add_replayed(*given)
 
     def _keep_for_nodes(self, name: str, messages: Messages) -> None:
-        """Stores messages for other nodes until the replay reaches their stamps."""
+        """Stores messages for the nodes that read them, until the replay reaches their stamps."""
         if name in self._waiting and len(messages.stamps):
             self._waiting[name].append(messages)
 
@@ -319,7 +319,7 @@ class ReplayStream:
         return self._sorted_out(found, kept)
 
     def _sorted_out(self, measured: Measurements, kept: NDArray[np.bool_]) -> Measurements:
-        """Returns the selected measurements; counts the others as out of sequence."""
+        """Returns the selected measurements; counts the rejected ones as out of sequence."""
         astray = len(kept) - int(np.count_nonzero(kept))
         if not astray:
             return measured

@@ -1,4 +1,4 @@
-"""Aligns measurements with unknown clock and still level with the estimates.
+"""Aligns measurements of unknown clock offset and still level with the estimates.
 
 The offset between the two clocks is estimated for each model by its own least RMS, all in one
 search window, and the models are judged over the motion alone. That needs the whole run at once:

@@ -211,7 +211,7 @@ class Verifier:
         )  # fmt: skip
 
     def _known(self, batch: Messages, *, count: bool = False) -> Messages:
-        """Returns the messages that can be compared; counts the others if requested."""
+        """Returns the messages that can be compared; optionally counts those that cannot."""
         for span in self._unknown:
             inside = (batch.stamps > span.after_ns) & (batch.stamps <= span.until_ns)
             found = int(np.count_nonzero(inside))
@@ -277,7 +277,7 @@ class Messages(NamedTuple):
     columns: Columns
 
     def rows(self, chosen: NDArray[Any] | slice) -> Messages:
-        """Returns the messages with the given indices, in a mask or in a slice."""
+        """Returns the messages selected by indices, a mask or a slice."""
         return Messages(self.stamps[chosen], {n: c[chosen] for n, c in self.columns.items()})
 
 

@@ -312,7 +312,7 @@ _Taker = tuple[Sequence[str] | None, Callable[[Any], None]]
 def _beside(
     topics: Mapping[str, TopicInfo], topic: str, name: str, message_type: str, taker: _Taker
 ) -> dict[str, _Taker]:
-    """Returns the handler of another topic in the same namespace, if it exists."""
+    """Returns the handler of a topic next to another topic; empty if the bag lacks it."""
     other = f"{topic.rpartition('/')[0]}/{name}"
     found = topics.get(other)
     return {other: taker} if found and found.message_type == message_type else {}

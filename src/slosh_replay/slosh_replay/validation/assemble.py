@@ -251,7 +251,7 @@ def _other_models(found: Sequence[_Replayed], model: Model) -> list[str]:
 def repeatability(
     recordings: Sequence[Recording],
 ) -> tuple[tuple[Repeatability, ...], str]:
-    """Computes the spread of each motion's peak over several recordings, or says why it cannot.
+    """Computes the spread of each motion's peak over recordings, or the reason if impossible.
 
     Args:
         recordings: their data and results.

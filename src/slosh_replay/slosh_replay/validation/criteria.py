@@ -34,7 +34,7 @@ class Acceptance:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Results of a recording, and the reason why they may prove nothing, such as lost messages.
+    """Results of a recording, and why they may not be conclusive, such as lost messages.
 
     Attributes:
         recording: its data and results.
@@ -50,7 +50,7 @@ class Evidence:
 
 
 def judge(value: float, uncertainty: float, limit: float) -> Verdict:
-    """Judges whether a value is at most the greatest accepted one.
+    """Judges whether a value, with its uncertainty, is at most the greatest accepted value.
 
     It passes if the whole interval value ± uncertainty is accepted, fails if nothing of it is,
     and is undecided otherwise, and wherever one of the numbers is unknown (NaN).
@@ -65,7 +65,7 @@ def judge(value: float, uncertainty: float, limit: float) -> Verdict:
 def criteria_of(
     evidence: Sequence[Evidence], repeats: Sequence[Repeatability], acceptance: Acceptance
 ) -> tuple[Criterion, ...]:
-    """Judges recordings by all criteria that apply, and returns these in the report's order.
+    """Judges recordings by all criteria that apply; returns them in the report's order.
 
     Args:
         evidence: the recordings.

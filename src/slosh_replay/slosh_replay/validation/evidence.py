@@ -99,7 +99,7 @@ def read_noise(run: RecordedRun, cell: str | None, further: float) -> Noise:
 def evidence_of(
     run: RecordedRun, result: ReplayResult, report: RunReport, noise: Noise, *, same_model: bool
 ) -> Evidence:
-    """Returns the data and results of a recording, and why it may be unable to prove them.
+    """Returns a recording's results, and the reasons why they may not be conclusive.
 
     Args:
         run: the recording.
@@ -146,7 +146,7 @@ def watched(result: ReplayResult) -> Sequence[MonitorSettings]:
 
 
 def limits_of(run: RecordedRun, result: ReplayResult) -> tuple[LimitInForce, ...]:
-    """Returns the limits that were in force during a recording, each with its origin."""
+    """Returns the limits that the monitor applied to heights in a recording, and their sources."""
     told = latest(run.starts, "monitor") is not None
     names = dict(zip((Source.MEASURED, Source.ESTIMATED), HEIGHT_LIMITS, strict=True))
     rows: dict[LimitInForce, None] = {}

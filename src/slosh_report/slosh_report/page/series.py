@@ -80,7 +80,7 @@ def envelope(t: Array, values: Array, points: int = POINTS) -> tuple[Array, Arra
 
 
 def lone(values: Array) -> NDArray[np.bool_]:
-    """Returns which samples (N,) lie between two missing ones, so that no line shows them."""
+    """Returns which samples (N,) lie between two missing samples, so that no line shows them."""
     known = np.concatenate(([False], np.isfinite(values), [False]))
     return np.asarray(known[1:-1] & ~known[:-2] & ~known[2:])
 

@@ -23,7 +23,7 @@ UNREADABLE = re.compile(
 
 
 def make_environment(package: str) -> Environment:
-    """Creates the template environment with a package's templates and the common ones.
+    """Creates the template environment with a package's own and the common templates.
 
     Args:
         package: whose folder holds the page's own template.
@@ -94,7 +94,7 @@ def number(path: str, value: float | None, unit: str = "", digits: int | None = 
 
 
 def exact(path: str, value: float | None, digits: int | None = None) -> Markup:
-    """Formats a number of unknown unit with all digits, or a given number of them."""
+    """Formats a number of unknown unit, with all digits or with a given number of digits."""
     text = DASH if value is None else repr(value) if digits is None else f"{value:.{digits}g}"
     return data_element(path, value, text.replace("-", "−"))
 

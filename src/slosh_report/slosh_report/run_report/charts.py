@@ -86,7 +86,7 @@ def residual(report: RunReport, model: Array) -> Array:
 
 
 def frame_letters(report: RunReport) -> tuple[str, ...]:
-    """Returns a letter for each image with a known time, and '' for the others."""
+    """Returns a letter for each image with a known time, and '' for images without a time."""
     known = iter("ABCDEFGHIJKLMNOPQRSTUVWXYZ")
     return tuple(next(known, "") if np.isfinite(f.time) else "" for f in report.frames)
 
@@ -158,7 +158,7 @@ def _frames(axes: Any, report: RunReport) -> None:
 
 
 def _backdrop(axes: Any, report: RunReport) -> None:
-    """Shades the time spans without measurement and those above the limit."""
+    """Shades time spans without measurement, and time spans with heights above the limit."""
     last = float(report.t[-1]) if len(report.t) else 0.0
     ends = ((e.start, e.end if np.isfinite(e.end) else last) for e in report.events)
     _shade(axes, ends, SPAN)

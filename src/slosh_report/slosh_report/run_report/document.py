@@ -121,7 +121,7 @@ def sentence(report: RunReport) -> str:
 
 
 def _limited(report: RunReport, peak: float, source: str) -> str:
-    """Describes the peak relative to the limit, and the number of limit violations."""
+    """Describes the peak height relative to the height limit, and the number of violations."""
     count = sum(span.source == source for span in report.events)
     often = _OFTEN.get(count, f"{count} times")
     if report.limit is None:

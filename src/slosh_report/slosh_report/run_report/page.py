@@ -180,7 +180,7 @@ Differences = list[tuple[int, dict[str, Any]]]
 
 
 def differences_apart(rows: list[dict[str, Any]]) -> tuple[Differences, Differences]:
-    """Splits the table of differences into displayed and collapsed rows."""
+    """Splits the table of fields that a replay did not reproduce into shown and collapsed rows."""
     ordered = sorted(enumerate(rows), key=lambda entry: entry[1]["first"] is None)
     return ordered[:UNFOLDED], ordered[UNFOLDED:]
 

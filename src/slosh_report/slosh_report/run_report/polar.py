@@ -161,7 +161,7 @@ def _above(series: AzimuthSeries, threshold: float) -> tuple[Array, Array, Array
 
 
 def _covered(t: Array, known: Array) -> NDArray[np.bool_]:
-    """Returns which times are at, or between, known samples without a gap."""
+    """Returns which times are at a known sample, or between two that have no gap between them."""
     before = np.searchsorted(known, t, side="right") - 1
     after = np.searchsorted(known, t, side="left")
     inside = (before >= 0) & (after < len(known))

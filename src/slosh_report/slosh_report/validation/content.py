@@ -126,7 +126,7 @@ class Recording:
 
 @dataclass(frozen=True, slots=True)
 class LimitInForce:
-    """A limit that the cell's monitor watched during a recording.
+    """A limit that the cell's monitor applied to liquid heights during a recording.
 
     Attributes:
         recording: name of the recording.

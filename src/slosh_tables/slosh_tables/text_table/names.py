@@ -59,7 +59,7 @@ _KINDS: Final[Mapping[str, Mapping[str, float]]] = {TIME: units.TIME} | {
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column to read from a table: its name, position, unit and factor.
+    """A column to read from a table: its name, position, unit and factor to the SI unit.
 
     Attributes:
         name: ours, such as 'ax'.

@@ -375,7 +375,7 @@ class _Numbers:
         )
 
     def finish(self) -> str:
-        """Returns the assumption made about the numbers; empty if none was made.
+        """Returns the assumption made about decimal points or commas; empty if none was made.
 
         Raises:
             SloshFileError: their commas have two meanings.

@@ -46,7 +46,7 @@ _ALONE = (
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A generic term of the equation of motion.
+    """A candidate for an unknown force in the equation of motion: a scalar times a vector.
 
     Attributes:
         label: for people.
