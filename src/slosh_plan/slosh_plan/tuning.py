@@ -127,6 +127,7 @@ class PlanTuning:
     # governor/governor.py
     governor_timeout: float = number(0.1, "s", "time for which a command holds")
     governor_late: float = number(3.0, "period", "time between two steps that is late")
+    governor_missed: float = number(0.85, "period", "delay of a step for which one was left out")
     governor_fastest: float = number(20.0, "m/s", "speed above which a command is an error")
     governor_phase: float = number(0.2, "rad", "phase of the fastest mode between two rows, ωh")
     governor_tail: float = number(0.6, "period", "periods of the first mode after a stop")

@@ -255,8 +255,8 @@ class Governor:
         """
         period_ns = round(self.period * SECOND)
         self._due_ns += period_ns
-        missed = (now_ns - self._due_ns) // period_ns
-        if self.rests or missed < -1:
+        missed = int((now_ns - self._due_ns) / period_ns + 1.0 - TUNING.governor_missed)
+        if self.rests or now_ns < self._due_ns - period_ns:
             self._due_ns = now_ns
             return
         for _ in range(min(missed, round(self.timeout / self.period))):
@@ -268,8 +268,8 @@ class Governor:
             )  # fmt: skip
             self._state[layout.BOUND] = math.inf  # nobody has verified the stop from here
             self._due_ns += period_ns
-        if missed > 0:
-            self._due_ns = now_ns - (now_ns - self._due_ns) % period_ns
+        if now_ns - self._due_ns > period_ns:
+            self._due_ns = now_ns
 
     def _look(self, now_ns: int) -> None:
         """Sets the reason to stop (bad or old command, late step, lost joints), or clears it."""
