@@ -220,8 +220,9 @@ class Governor:
         self._look(now_ns)
         if early and last is not None:
             return last._replace(
-                stamp_ns=now_ns, reason=self._reason, steps=self._steps, commands=self._commands
-            )
+                stamp_ns=now_ns, reason=self._reason, steps=self._steps, commands=self._commands,
+                joint_start=(),
+            )  # fmt: skip
         self._make_up(now_ns)
         if self._seen is not None:
             self._use(self._seen)
