@@ -137,7 +137,7 @@ def test_variables_choose_range_and_profile(
     assert is_local(found) == local
 
 
-@pytest.mark.parametrize("transports", ["UDPv4", "DEFAULT"])
+@pytest.mark.parametrize("transports", ["UDPv4", pytest.param("DEFAULT", marks=pytest.mark.long)])
 @pytest.mark.timeout(120)
 def test_a_robot_without_the_cells_shared_memory_needs_udp(transports: str, domain: int) -> None:
     """As in another container, or of another user: the variable is for the cell alone."""
