@@ -98,6 +98,21 @@ def test_the_joints_carry_the_container_along(urdf):
     assert np.gradient(rate, PERIOD, axis=0)[middle] == pytest.approx(change[middle], abs=1.0)
 
 
+def test_where_a_step_is_left_out_joints_and_container_go_on_at_their_velocity(arm):
+    governor = Governor(CUP, LIMITS, carrier=arm)
+    before = run(governor, [Command(0, (0.2, 0.1, 0.0))] * 20)[-1]
+    now = round(22 * PERIOD * 1e9)
+    governor.take(Command(now, (0.2, 0.1, 0.0)))
+    after = governor.step(now)
+    gone = np.subtract(after.position, before.position)
+    mean = 0.5 * np.add(after.velocity, before.velocity)
+    assert gone == pytest.approx(PERIOD * (np.array(before.velocity) + mean), abs=1e-4)
+    places = np.array([before.joints[2], after.joints[2]])
+    positions, turns = arm.arm.poses(arm.limits.names, places)
+    assert positions[1] - positions[0] == pytest.approx(gone, abs=1e-6)
+    assert turns[1] == pytest.approx(turns[0], abs=1e-6)
+
+
 @settings(max_examples=3, deadline=None)
 @given(seed=st.integers(0, 10_000), to_targets=st.booleans())
 def test_joints_and_liquid_keep_their_limits(arm, seed, to_targets):
