@@ -125,6 +125,7 @@ class PlanTuning:
     searched: float = number(1.5, "1", "periods of the first mode that the search looks at")
     stop_rows: int = number(61, "1", "rows of a law that give its acceleration and jerk")
     # governor/governor.py
+    governor_rate: float = number(100.0, "Hz", "steps a second, unless another rate is given")
     governor_timeout: float = number(0.1, "s", "time for which a command holds")
     governor_late: float = number(3.0, "period", "time between two steps that is late")
     governor_missed: float = number(0.85, "period", "delay of a step for which one was left out")

@@ -64,8 +64,8 @@ class GovernedOutcome:
         distance, commanded: covered and commanded way [m].
         steps: of the governor.
         lost: those of them that did not arrive.
-        late: those that began more than LATE periods after the one before: the governor knows
-            its liquid only by even steps.
+        late: those that began more than LATE periods after the one before: a safe stop that
+            they interrupt may not be one any more.
     """
 
     limit: float

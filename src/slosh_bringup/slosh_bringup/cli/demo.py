@@ -21,9 +21,9 @@ from slosh_bringup.live.run import LiveRun
 from slosh_bringup.processes import NodeProcess, config_folder
 from slosh_model.model_text import read_model
 from slosh_msgs_py import topics
+from slosh_plan.tuning import TUNING
 
 CAMERA = "simulated_camera"
-GOVERNOR_RATE = "100.0"  # Hz; the governor node's own
 STARTING = 3.0  # s; from ready nodes to the motion and behind its end, for the progress bar
 
 
@@ -134,7 +134,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.governor:
         commanded_velocity(motion)
         setup = replace(setup, govern=topics.TWIST)
-        given |= {"govern": GOVERNOR_RATE}
+        given |= {"govern": str(TUNING.governor_rate)}
     if arguments.force:
         setup = replace(
             setup, calibration=None, force=_identified(arguments.output, given["model"])

@@ -152,7 +152,6 @@ class CellNode(PreparedNode):
             period = 1.0 / given["govern"]
             cup = GovernedCup(self._model, given["rate"], period, self._push)
             self._play_governed = GovernedPlay(self, self._motion, cup, period)
-            self._noise = np.random.default_rng(given["seed"])
             published.append(COMMANDED)
         self._pub = {
             topic: self.create_publisher(kind, topic, profile)
@@ -283,11 +282,12 @@ class CellNode(PreparedNode):
     def _follow(self, start_ns: int, play: GovernedPlay) -> None:
         """Publishes the motion as commands, and samples of the motion that the governor allows."""
         every, noise = self._given["imu_every"], self._given["acceleration_noise"]
+        random = np.random.default_rng(self._given["seed"])
         still, upright, sent = np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), 0
 
         def send(stamp_ns: int, sample: CupSample) -> None:
             nonlocal sent
-            stamp, measured = to_time(stamp_ns), noise * self._noise.standard_normal((2, 3))
+            stamp, measured = to_time(stamp_ns), noise * random.standard_normal((2, 3))
             felt = sample.acceleration + measured[0]
             self._publish(topics.ACCEL, accel_message(stamp, felt))
             if every and sent % every == 0:

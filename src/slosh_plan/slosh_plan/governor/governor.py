@@ -81,7 +81,7 @@ class Governor:
         limits: PlanLimits,
         *,
         doubt: ModelDoubt | None = None,
-        period: float = 0.01,
+        period: float = 1.0 / TUNING.governor_rate,
         timeout: float = TUNING.governor_timeout,
         arm: GovernedArm | None = None,
         carrier: GovernedArm | None = None,
@@ -265,7 +265,7 @@ class Governor:
             self._past.add(self._due_ns, self._stores, self._chosen[point])
             liquids.hold(
                 self._stores, self._motion, self.period, self._table, self._joints, self._points,
-                *self._carrier.arrays[:-1], self._chosen,
+                *self._carrier.arrays, self._chosen,
             )  # fmt: skip
             self._state[layout.BOUND] = math.inf  # nobody has verified the stop from here
             self._due_ns += period_ns

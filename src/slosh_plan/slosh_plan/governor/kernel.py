@@ -25,8 +25,6 @@ from slosh_base.compiled.compilation import (
     compiled_apart,
     entry_point,
 )
-from slosh_model.kernel import UPRIGHT, advance
-from slosh_model.layout import records
 from slosh_plan.governor.carried import carry_on, eased, joints_keep, part
 from slosh_plan.governor.layout import (
     BOUND,
@@ -45,11 +43,9 @@ from slosh_plan.governor.layout import (
     PARTS,
     PERIOD,
     PLAN,
-    POINT,
     REST,
     SEEN,
     SHARE,
-    SIZE,
     SPACING,
     TAIL,
     TRIED,
@@ -59,6 +55,7 @@ from slosh_plan.governor.layout import (
     WHOLE,
     WORST,
 )
+from slosh_plan.governor.liquids import advance_all
 from slosh_plan.governor.moving import drive, keeps_limits, wanted_by_axes, wanted_of_joints
 from slosh_plan.governor.stops import candidate, grid, make_plans, next_held, take, trimmed
 from slosh_plan.governor.uses import BEYOND, add_uses
@@ -380,9 +377,5 @@ def govern(  # type: ignore[no-untyped-def]
     take(motion, state, stop, settings, rows[best], ends[best])
     answer[REST] = trimmed(motion, state, stop, settings)
     carry_on(motion, settings[PERIOD], carrier)
-    for number in range(stores.shape[0]):
-        cup = cups[number // MODELS]
-        runs, modes = records(stores[number, : int(cup[SIZE])])
-        felt = chosen[int(cup[POINT])]
-        advance(runs[0], modes, felt[0], felt[1], felt[2], 0.0, UPRIGHT, settings[PERIOD])
+    advance_all(stores, cups, chosen, settings[PERIOD])
     return 0 if use <= 1.0 else 1

@@ -8,12 +8,36 @@ from __future__ import annotations
 import numpy as np
 from numba.types import float64, void
 
-from slosh_base.compiled.compilation import CHANGED_2, GIVEN_1, GIVEN_2, entry_point
+from slosh_base.compiled.compilation import (
+    CHANGED_1,
+    CHANGED_2,
+    GIVEN_1,
+    GIVEN_2,
+    compiled,
+    entry_point,
+)
 from slosh_model.kernel import UPRIGHT, advance
 from slosh_model.layout import records
 from slosh_plan.governor.carried import carry_on
 from slosh_plan.governor.chain import felt_at
 from slosh_plan.governor.layout import MODELS, PLACE, POINT, RATE, SIZE, VELOCITY
+
+
+@compiled
+def advance_all(stores, cups, chosen, period):  # type: ignore[no-untyped-def]
+    """Advances the models of all containers by a step, to the accelerations at its end.
+
+    Args:
+        stores: (C MODELS, …) the models; changed.
+        cups: (C, CUP).
+        chosen: (P, 3) acceleration at each point [m/s²].
+        period: of the step [s].
+    """
+    for number in range(stores.shape[0]):
+        cup = cups[number // MODELS]
+        runs, modes = records(stores[number, : int(cup[SIZE])])
+        felt = chosen[int(cup[POINT])]
+        advance(runs[0], modes, felt[0], felt[1], felt[2], 0.0, UPRIGHT, period)
 
 
 @entry_point(void(GIVEN_2, GIVEN_2, CHANGED_2, CHANGED_2))
@@ -47,11 +71,11 @@ def relive(stores, scales, modal, felt, period):  # type: ignore[no-untyped-def]
 @entry_point(
     void(
         CHANGED_2, CHANGED_2, float64, GIVEN_2, GIVEN_2, GIVEN_2, GIVEN_2, GIVEN_2, GIVEN_1,
-        CHANGED_2, CHANGED_2,
+        CHANGED_2, CHANGED_1, CHANGED_2,
     )
 )  # fmt: skip
 def hold(  # type: ignore[no-untyped-def]
-    stores, motion, period, cups, joints, points, links, ranges, goal, carrying, chosen,
+    stores, motion, period, cups, joints, points, links, ranges, goal, carrying, refused, chosen,
 ):  # fmt: skip
     """Advances motion and models by a period in which the robot holds its velocity.
 
@@ -61,7 +85,7 @@ def hold(  # type: ignore[no-untyped-def]
         stores: (C MODELS, …) the models of all containers; changed.
         motion: (3, D); its position is changed.
         period: [s].
-        cups, joints, points, links, ranges, goal, carrying: see `kernel.govern`.
+        cups, joints, points, links, ranges, goal, carrying, refused: see `kernel.govern`.
         chosen: (P, 3) receives the acceleration at each point [m/s²].
     """
     motion[PLACE] += period * motion[VELOCITY]
@@ -70,9 +94,5 @@ def hold(  # type: ignore[no-untyped-def]
     chosen[:] = 0.0
     if joints.shape[0] > 0:
         felt_at(joints, points, steady, chosen, np.empty(3))
-    carry_on(steady, period, (links, ranges, goal, carrying, goal))
-    for number in range(stores.shape[0]):
-        cup = cups[number // MODELS]
-        runs, modes = records(stores[number, : int(cup[SIZE])])
-        felt = chosen[int(cup[POINT])]
-        advance(runs[0], modes, felt[0], felt[1], felt[2], 0.0, UPRIGHT, period)
+    carry_on(steady, period, (links, ranges, goal, carrying, refused))
+    advance_all(stores, cups, chosen, period)

@@ -24,7 +24,9 @@ PARAMETERS = (
         "limit of the container's acceleration [m/s²]", (0.01, 100.0)
     ),
     ParameterSpec("max_jerk", JERK, "limit of the container's jerk [m/s³]", (0.1, 10_000.0)),
-    ParameterSpec("rate", 100.0, "rate of the steps and of the output [Hz]", (20.0, 1000.0)),
+    ParameterSpec(
+        "rate", TUNING.governor_rate, "rate of the steps and of the output [Hz]", (20.0, 1000.0)
+    ),
     ParameterSpec(
         "timeout", TUNING.governor_timeout,
         "age after which a command is no longer followed [s]", (0.01, 10.0),
