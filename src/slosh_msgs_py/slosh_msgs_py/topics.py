@@ -53,6 +53,8 @@ IS_CALM: Final = "is_calm"
 COMPARISON: Final = "comparison"
 LIMIT_EVENT: Final = "limit_event"
 SETTINGS: Final = "settings"
+JOURNAL: Final = "journal"
+"""What each node has taken, in order."""
 PLANNED_TRAJECTORY: Final = "planned_trajectory"
 """What the robot is about to do, by whoever planned it."""
 DESIRED_TWIST: Final = "desired_twist"
@@ -245,6 +247,7 @@ TOPICS: tuple[Topic, ...] = (
     Topic(
         SETTINGS, "slosh_msgs/msg/NodeSettings", TopicRole.SETTING, _MANY, latched=True, page=True
     ),
+    Topic(JOURNAL, "slosh_msgs/msg/Journal", TopicRole.SETTING, _MANY, latched=True),
     Topic(TRUTH, "slosh_msgs/msg/FreeSurface", TopicRole.SIMULATION),
     Topic(SUMMARY, "std_msgs/msg/String", TopicRole.SIMULATION, latched=True),
     Topic(WALL_HEIGHTS, "sensor_msgs/msg/PointCloud2", TopicRole.TABLE, recorded=False),

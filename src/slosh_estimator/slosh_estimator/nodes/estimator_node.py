@@ -156,7 +156,7 @@ class EstimatorNode(PreparedNode):
     """
 
     def __init__(self, *, later: bool = False) -> None:
-        super().__init__("estimator")
+        super().__init__("estimator", journaled=True)
         self._values = values = declare(
             self, PARAMETERS, InputSettings.from_parameters, self._on_change
         )
@@ -254,7 +254,7 @@ class EstimatorNode(PreparedNode):
         self._input.sampling.carry(modes_of(self._estimator.model))
         self._changes = ContainerChanges(
             self, self._tray, self._values["containers"],
-            lambda: self._input.gate.last_ns or self._now(), self._take,
+            lambda: self._input.gate.last_ns or self.now_ns(), self._take,
         )  # fmt: skip
         if self._tray.is_tray:
             self._trays = self.create_publisher(TrayEstimate, topics.TRAY_ESTIMATE, qos.STREAM_OUT)
@@ -284,10 +284,10 @@ class EstimatorNode(PreparedNode):
         how = InputSettings.from_parameters(self._values)._replace(urdf=self._urdf)
         self._second = SecondSource(
             self, self._kind, self._values["second_source"],
-            lambda: InputSettings.from_parameters(self._known), self._urdf, self._now,
+            lambda: InputSettings.from_parameters(self._known), self._urdf, self.now_ns,
         )  # fmt: skip
         self._subscription = InputSubscription(
-            self, self._kind, how, self._now, self._answer, self._mount, self._second.told,
+            self, self._kind, how, self.now_ns, self._answer, self._mount, self._second.told,
             self._reach,
         )  # fmt: skip
 
@@ -322,7 +322,7 @@ class EstimatorNode(PreparedNode):
         """Applies container changes that are due before an input with this stamp [ns]."""
         if stamp_ns <= self._changes.next_ns:  # nearly always: the clock is not asked
             return
-        if stamp_ns - self._now() <= self._values["max_age"] * SECOND:
+        if stamp_ns - self.now_ns() <= self._values["max_age"] * SECOND:
             self._changes.reach(stamp_ns)
 
     def _answer(self, input_ns: int, *samples: Sample | None) -> None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, Final
 
-from rclpy.node import Node
 
+from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.fixed_frames import FixedFrames
@@ -37,6 +36,7 @@ from slosh_estimator.transform_poses import Transform, TransformPoses
 from slosh_estimator.velocity_input import Twist, VelocityInput
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import find_type
+from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.rivals import Rivals
 from slosh_msgs_py.node.speakers import SpeakerWatch, WithInfo
 from slosh_msgs_py.stamped_numbers import StampedReader
@@ -45,8 +45,8 @@ from slosh_msgs_py.topics import Publishers
 
 MIXED = 10
 """One publisher stamps no such share of its messages, one in so many, before the one ahead."""
-PATIENCE = 2.0
-"""So long fixed transforms are waited for, where somebody publishes them [s]."""
+PATIENCE = 2 * SECOND
+"""So long fixed transforms are waited for, where somebody publishes them [ns]."""
 TF_TYPE = topics.DRIVING["tf"].type
 NUMBERS: Final = {"accel": 6, "imu": 37, "pose": 7, "twist": 6}
 """Inputs whose messages are received raw, with their count of numbers behind the header."""
@@ -82,7 +82,7 @@ class InputSubscription:
 
     def __init__(
         self,
-        node: Node,
+        node: GuardedNode,
         kind: str,
         settings: InputSettings,
         now: Callable[[], int],
@@ -94,7 +94,7 @@ class InputSubscription:
         self._node, self._kind, self._now, self._answer = node, kind, now, answer
         self._told = told
         self._settings, self._mounted, self._before = settings, mounted, before
-        self._fixed, self._first = FixedFrames(), 0.0
+        self._fixed, self._first = FixedFrames(), 0
         self._decided, self._unconnected = kind not in MOUNTED, ""
         self._world = settings.frames[0]
         self.source: AnyInput = settings.reader(kind)
@@ -152,10 +152,11 @@ class InputSubscription:
         if self._decided:
             return True
         found = self._settings.mounted(self._kind, frame, self._fixed)
-        self._first = self._first or time.monotonic()
+        now = self._node.steady_ns()
+        self._first = self._first or now
         moving = self._node.count_publishers(topics.TF) > 0
         speaks = self._node.count_publishers(topics.TF_STATIC) > 0
-        patient = time.monotonic() - self._first < PATIENCE
+        patient = now - self._first < PATIENCE
         apart = found is not None and APART in found
         if patient and ((found is None and speaks) or (apart and not moving)):
             return False
@@ -221,7 +222,7 @@ class InputSubscription:
             self.count += 1
             number = info.get("publication_sequence_number")
             arrival, matched = info["received_timestamp"], subscription.get_publisher_count()
-            self._speakers.take(number, arrival or time.time_ns(), matched)
+            self._speakers.take(number, arrival or self._node.now_ns(), matched)
             callback(message)
 
         # Several publishers may speak of different joints or transforms.

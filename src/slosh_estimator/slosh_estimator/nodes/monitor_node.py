@@ -100,7 +100,7 @@ class MonitorNode(GuardedNode):
     """ROS node of the monitor: converts messages, compares heights, publishes results."""
 
     def __init__(self) -> None:
-        super().__init__("monitor")
+        super().__init__("monitor", journaled=True)
         self._given = given = declare(
             self, PARAMETERS, MonitorSettings.from_parameters, self._on_change
         )
@@ -246,10 +246,9 @@ class MonitorNode(GuardedNode):
         self._publish(self._core.add_measurement(measured_point(message), self._arrival()))
 
     def _on_check(self) -> None:
-        clock, steady_ns = self.get_clock(), self._steady.now().nanoseconds
         self._core.standstill = (
-            self._clock_watch.look(steady_ns, clock.now().nanoseconds)
-            if clock.ros_time_is_active
+            self._clock_watch.look(self.steady_ns(), self.now_ns())
+            if self.get_clock().ros_time_is_active
             else ""
         )
         self._publish(self._core.check(self._arrival()))
@@ -268,8 +267,7 @@ class MonitorNode(GuardedNode):
 
         By that a slow simulation is no more silent than a fast one.
         """
-        clock = self.get_clock()
-        return int((clock if clock.ros_time_is_active else self._steady).now().nanoseconds)
+        return self.now_ns() if self.get_clock().ros_time_is_active else self.steady_ns()
 
     def _publish(self, comparisons: list[Comparison]) -> None:
         for comparison in comparisons:

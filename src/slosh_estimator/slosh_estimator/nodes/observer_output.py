@@ -8,8 +8,7 @@ from array import array
 from functools import partial
 from typing import Any
 
-from rclpy.action import ActionServer, CancelResponse
-from rclpy.node import Node
+from rclpy.action import CancelResponse
 from rclpy.task import Future
 from std_msgs.msg import Bool
 
@@ -26,6 +25,7 @@ from slosh_msgs.action import WaitUntilCalm
 from slosh_msgs.msg import Calm, FreeSurface, FusedEstimate
 from slosh_msgs.msg import ObserverState as ObserverStateMessage
 from slosh_msgs_py import qos, topics
+from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.stamps import to_nanoseconds
 
 _FIELDS = SurfaceHeights._fields
@@ -41,7 +41,7 @@ class ObserverOutput:
         model: of the estimator.
     """
 
-    def __init__(self, node: Node, frame: str, tolerance: float, model: Model) -> None:
+    def __init__(self, node: GuardedNode, frame: str, tolerance: float, model: Model) -> None:
         self._node = node
         self._fused = FusedEstimate()
         self._state = ObserverStateMessage()
@@ -52,7 +52,7 @@ class ObserverOutput:
         self._watch = CalmWatch(tolerance)
         self._waits: list[_Wait] = []
         self._calm_slot = -1
-        self._last_input = time.monotonic()
+        self._last_input = node.steady_ns()
         self.load(model)
         self._fused_out = node.create_publisher(
             FusedEstimate, topics.FUSED_ESTIMATE, qos.STREAM_OUT
@@ -66,8 +66,8 @@ class ObserverOutput:
             taker = partial(self._take, sensed=sensed)
             node.create_subscription(FreeSurface, name, taker, qos.STREAM_IN)
         self._timer = node.create_timer(TUNING.calm_silence, self._look)
-        self._action = ActionServer(
-            node, WaitUntilCalm, topics.WAIT_UNTIL_CALM, self._on_goal,
+        self._action = node.create_action_server(
+            WaitUntilCalm, topics.WAIT_UNTIL_CALM, self._on_goal,
             cancel_callback=lambda _: CancelResponse.ACCEPT,
         )  # fmt: skip
 
@@ -98,7 +98,7 @@ class ObserverOutput:
         state = self.observer.follow(sample, flags)
         if state is None:
             return
-        self._last_input = time.monotonic()
+        self._last_input = self._node.steady_ns()
         fill_fused(self._fused, state, self.observer, self._wall)
         if not 0 <= state.stamp_ns - self._state_ns < TUNING.observer_state_ns:
             self._state_ns = state.stamp_ns
@@ -127,7 +127,7 @@ class ObserverOutput:
 
     def _look(self) -> None:
         """Publishes the state STALE if the input has stopped."""
-        if time.monotonic() - self._last_input < TUNING.calm_silence:
+        if self._node.steady_ns() - self._last_input < TUNING.calm_silence * SECOND:
             return
         fill_stale(self._calm, self._watch.tolerance)
         self._tell()

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from rclpy.node import Node
 from std_msgs.msg import String
 
 from slosh_estimator.errors import SloshEstimatorError
@@ -27,6 +26,7 @@ from slosh_estimator.sample import Sample
 from slosh_metrics.mounting.verdict import MountingVerdict
 from slosh_metrics.mounting.watch import MountingWatch
 from slosh_msgs_py import qos, topics
+from slosh_msgs_py.node.guarded import GuardedNode
 
 AUTO, NONE = "auto", "none"
 SENSORS = (IMU, ACCEL)
@@ -51,7 +51,7 @@ class SecondSource:
 
     def __init__(
         self,
-        node: Node,
+        node: GuardedNode,
         kind: str,
         wanted: str,
         how: Callable[[], InputSettings],

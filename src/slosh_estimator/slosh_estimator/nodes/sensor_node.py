@@ -67,7 +67,7 @@ class SensorNode(GuardedNode):
     """ROS node that converts sensor messages to liquid heights and publishes them."""
 
     def __init__(self) -> None:
-        super().__init__("sensor")
+        super().__init__("sensor", journaled=True)
         self._given = given = declare(self, PARAMETERS)
         self._payload, text = _read_payload(given[PAYLOAD])
         self._force: ForceSurface | None = None

@@ -8,19 +8,26 @@ node counts it, tells it and goes on.
 from __future__ import annotations
 
 import functools
+import time
 import traceback
 from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.action import ActionServer
+from rclpy.clock import Clock, ClockType
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message, serialize_message
 
 from slosh_base.files.plain_text import plain_line
+from slosh_msgs_py.node import journal
+from slosh_msgs_py.node.journal import Journal
 from slosh_msgs_py.node.mismatches import Mismatches
+from slosh_msgs_py.node.speakers import WithInfo
 
 Callback = Callable[..., Any]
 
@@ -70,18 +77,73 @@ class Faults:
 class GuardedNode(Node):
     """A node that keeps running when a callback raises an exception.
 
+    Args:
+        name: of the node.
+        journaled: whether it publishes all that it takes, in order, for a replay.
+
     Attributes:
         faults: what they stumbled over.
         mismatches: who is not heard, or does not hear, for another QoS.
+        journal: of what it takes; None: it has none.
     """
 
     _plain_logger: PlainLogger | None = None
+    _timers_noted = 0
 
-    def __init__(self, name: str, **options: Any) -> None:
+    def __init__(self, name: str, *, journaled: bool = False, **options: Any) -> None:
         # Before the node, which makes services of its own.
         self.faults = Faults(lambda line: self.get_logger().error(line))
         self.mismatches = Mismatches(self)
+        self.journal: Journal | None = None
+        self._heard: Counter[str] = Counter()
         super().__init__(name, **options)
+        if journaled:
+            self.journal = self._new_journal()
+
+    def _new_journal(self) -> Journal:
+        """Creates the journal and publishes it, twice a second and when the node ends."""
+        new = Journal(self)
+        new.publish()
+        new.take(new.source(journal.START))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        super().create_timer(journal.PERIOD, new.flush, clock=steady)
+        self.context.on_shutdown(new.flush)
+        return new
+
+    def destroy_node(self) -> None:
+        """Publishes the rest of the journal and ends the node."""
+        if self.journal is not None:
+            self.journal.flush()
+            self.journal = None
+        super().destroy_node()
+
+    def now_ns(self) -> int:
+        """Returns when the thing that is being used was taken, by the node's clock [ns]."""
+        if self.journal is None:
+            return int(self.get_clock().now().nanoseconds)
+        return self.journal.now_ns
+
+    def steady_ns(self) -> int:
+        """Returns when the thing that is being used was taken, by the steady clock [ns]."""
+        return time.monotonic_ns() if self.journal is None else self.journal.steady_ns
+
+    def count_publishers(self, topic_name: str) -> int:
+        """Returns how many publishers a topic has."""
+        count = int(super().count_publishers(topic_name))
+        if self.journal is not None:
+            self.journal.answer(f"count {self.resolve_topic_name(topic_name)}", count)
+        return count
+
+    def get_publishers_info_by_topic(self, topic_name: str, **options: Any) -> list[Any]:
+        """Returns what is known of each publisher of a topic."""
+        found: list[Any] = super().get_publishers_info_by_topic(topic_name, **options)
+        if self.journal is not None:
+            known = [
+                (one.node_name, one.node_namespace, one.topic_type, bytes(one.endpoint_gid).hex())
+                for one in found
+            ]
+            self.journal.answer(f"info {self.resolve_topic_name(topic_name)}", known)
+        return found
 
     def get_logger(self) -> PlainLogger:
         """Returns the node's logger, which prints each message as one line."""
@@ -98,6 +160,9 @@ class GuardedNode(Node):
         **options: Any,
     ) -> Any:
         """Creates a subscription that survives callback exceptions and detects QoS mismatches."""
+        if self.journal is not None:
+            callback = self._noted(self.journal, callback, topic, msg_type, **options)
+            options["raw"] = True
         guarded = self._guarded(callback, topic)
         if isinstance(qos_profile, QoSProfile):
             watch = self.mismatches.of_subscription(topic, qos_profile)
@@ -117,8 +182,14 @@ class GuardedNode(Node):
         self, timer_period_sec: float, callback: Callback, *arguments: Any, **options: Any
     ) -> Any:
         """Creates a timer that survives exceptions in its callback."""
+        if self.journal is not None:
+            callback = self._noted_tick(self.journal, callback)
         guarded = self._guarded(callback, "timer")
         return super().create_timer(timer_period_sec, guarded, *arguments, **options)
+
+    def create_action_server(self, action_type: Any, name: str, *arguments: Any, **options: Any) -> Any:
+        """Creates an action server."""
+        return ActionServer(self, action_type, name, *arguments, **options)
 
     def create_service(
         self, srv_type: Any, srv_name: str, callback: Callback, *arguments: Any, **options: Any
@@ -128,6 +199,9 @@ class GuardedNode(Node):
         @functools.wraps(callback)
         def guarded(request: Any, response: Any) -> Any:
             try:
+                if self.journal is not None:
+                    place = self.journal.source(f"{journal.SERVICE}{srv_name}")
+                    self.journal.take(place, serialize_message(request))
                 return callback(request, response)
             except Exception as error:
                 said = self.faults.add(srv_name, error)
@@ -157,6 +231,38 @@ class GuardedNode(Node):
             )
         return super().set_parameters_atomically(parameter_list)
 
+    def _noted(
+        self, notes: Journal, callback: Callback, topic: str, kind: Any, raw: bool = False,
+        **_: Any,
+    ) -> Callback:  # fmt: skip
+        """Wraps a callback of messages so that each is noted, by its bytes, before it is used."""
+        name = self.resolve_topic_name(topic)
+        self._heard[name] += 1
+        again = f" {self._heard[name]}" if self._heard[name] > 1 else ""
+        source = f"{journal.MESSAGE}{name}{again}"
+        place = notes.source(source)
+
+        def noted(data: bytes, *info: Any) -> None:
+            notes.take_message(place, data)
+            callback(data if raw else deserialize_message(data, kind), *info)
+
+        def noted_with_info(data: bytes, info: Any) -> None:
+            noted(data, info)
+
+        informed = isinstance(callback, WithInfo)
+        return _from(source, WithInfo(noted_with_info) if informed else lambda data: noted(data))
+
+    def _noted_tick(self, notes: Journal, callback: Callback) -> Callback:
+        source = f"{journal.TIMER}{self._timers_noted}"
+        place = notes.source(source)
+        self._timers_noted += 1
+
+        def noted() -> None:
+            notes.take(place)
+            callback()
+
+        return _from(source, noted)
+
     def _guarded(self, callback: Callback, where: str) -> Callback:
         @functools.wraps(callback)
         def guarded(*arguments: Any) -> None:
@@ -166,6 +272,12 @@ class GuardedNode(Node):
                 self.faults.add(where, error)
 
         return guarded
+
+
+def _from(source: str, callback: Callback) -> Callback:
+    """Marks a callback with the source under which what it takes is noted."""
+    callback.source = source  # type: ignore[attr-defined]
+    return callback
 
 
 class PlainLogger(RcutilsLogger):

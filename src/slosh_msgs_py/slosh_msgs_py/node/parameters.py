@@ -17,10 +17,10 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from slosh_msgs_py.errors import SloshMessageError
+from slosh_msgs_py.node.guarded import GuardedNode
 
 _TYPES = {
     bool: Parameter.Type.BOOL,
@@ -110,7 +110,7 @@ class ParameterSpec:
 
 
 def declare(
-    node: Node,
+    node: GuardedNode,
     specs: Sequence[ParameterSpec],
     check: Callable[[Mapping[str, Any]], object] | None = None,
     apply: Callable[[tuple[str, ...]], object] | None = None,
@@ -161,6 +161,8 @@ def declare(
 
     def take(changes: list[Parameter]) -> None:
         changed = {name: v for name, v in known(changes).items() if v != values[name]}
+        if changed and node.journal is not None:
+            node.journal.take_values(changed)
         values.update(changed)
         if changed and apply is not None:
             apply(tuple(changed))
@@ -172,7 +174,7 @@ def declare(
 
 
 def _fitting(
-    node: Node, spec: ParameterSpec | None, change: Parameter, wrong: list[str]
+    node: GuardedNode, spec: ParameterSpec | None, change: Parameter, wrong: list[str]
 ) -> Parameter:
     """Converts a changed value to its type, or keeps the present value and adds an error."""
     converted = change if spec is None else spec.converted(change)
@@ -182,13 +184,13 @@ def _fitting(
     return node.get_parameter(spec.name)
 
 
-def _given(node: Node) -> dict[str, Parameter]:
+def _given(node: GuardedNode) -> dict[str, Parameter]:
     """Returns the parameters given at the node's start, which rclpy does not make public."""
     given: dict[str, Parameter] = getattr(node, "_parameter_overrides", {})
     return given
 
 
-def _name_unknown(node: Node) -> None:
+def _name_unknown(node: GuardedNode) -> None:
     """Warns of parameters given to the node that it does not declare.
 
     It is no error: a file for several nodes may set, for all of them, what only one has.
@@ -200,7 +202,7 @@ def _name_unknown(node: Node) -> None:
             )
 
 
-def _declare_one(node: Node, spec: ParameterSpec) -> Any:
+def _declare_one(node: GuardedNode, spec: ParameterSpec) -> Any:
     given = _given(node)
     if spec.name in given:
         converted = spec.converted(given[spec.name])

@@ -9,6 +9,7 @@ from typing import Any
 
 from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
+from slosh_msgs_py.node.journal import BEGIN
 from slosh_msgs_py.node.readiness import COMPILING, STARTING, Progress, Readiness
 
 
@@ -23,8 +24,8 @@ class PreparedNode(GuardedNode, ABC):
     `run_node` has prepared it.
     """
 
-    def __init__(self, name: str) -> None:
-        super().__init__(name)
+    def __init__(self, name: str, *, journaled: bool = False) -> None:
+        super().__init__(name, journaled=journaled)
         self.readiness = Readiness(STARTING)
 
     @abstractmethod
@@ -68,6 +69,8 @@ class PreparedNode(GuardedNode, ABC):
 
     def is_prepared(self) -> None:
         """Starts the node's work after preparation and publishes diagnostics at once."""
+        if self.journal is not None:
+            self.journal.take(self.journal.source(BEGIN))
         self.begin()
         if self.readiness.doing:
             did = "compiled; " if self.readiness.state == COMPILING else ""

@@ -1,0 +1,250 @@
+"""A node without ROS graph: the same node's code, given from a recording what it took then."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from inspect import signature
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.serialization import deserialize_message
+
+from slosh_msgs_py.node import journal
+from slosh_msgs_py.node.guarded import GuardedNode
+
+Given = Callable[[str, Any], None]
+"""Takes a topic's full name and a message; the message may be changed after the call."""
+
+
+class Taken(NamedTuple):
+    """Something that a node took.
+
+    Attributes:
+        source: where it comes from; see `Journal.msg`.
+        content: a message's serialised bytes, or what the journal holds.
+        now_ns, steady_ns: when, by the node's clock and by the steady one [ns].
+        answers: of the graph while it was used, by question, in order.
+    """
+
+    source: str
+    content: bytes
+    now_ns: int
+    steady_ns: int
+    answers: tuple[tuple[str, Any], ...] = ()
+
+
+class Place(NamedTuple):
+    """What surrounds a node without a graph.
+
+    Attributes:
+        namespace: of the cell, with a slash in front.
+        parameters: values by name at the node's start.
+        topics: full names by those that the node's code has, where they were remapped.
+        simulated: whether the node's time is a simulated one.
+        give: receives what the node publishes.
+    """
+
+    namespace: str
+    parameters: Mapping[str, Any]
+    topics: Mapping[str, str]
+    simulated: bool
+    give: Given
+
+
+class OfflineJournal:
+    """The times of what a node takes, as its journal has them; what the graph answered then.
+
+    Attributes:
+        now_ns, steady_ns: see `Journal`.
+    """
+
+    def __init__(self) -> None:
+        self.now_ns = self.steady_ns = 0
+        self._answers: list[tuple[str, Any]] = []
+
+    def begin(self, taken: Taken) -> None:
+        """Sets time and answers to those of something that is about to be used."""
+        self.now_ns, self.steady_ns = taken.now_ns, taken.steady_ns
+        self._answers = list(taken.answers)
+
+    def asked(self, question: str) -> Any:
+        """Returns what the graph answered; None where it was not asked."""
+        for index, (asked, answer) in enumerate(self._answers):
+            if asked == question:
+                del self._answers[index]
+                return answer
+        return None
+
+    def source(self, name: str) -> str:
+        """Returns the name of a source."""
+        return name
+
+    def flush(self) -> None:
+        """Does nothing: a replay has no journal of its own."""
+
+    def take(self, source: str, content: bytes = b"") -> None:
+        """Does nothing: what is used was noted when it was recorded."""
+
+    take_message = take_values = answer = take
+
+
+class OfflineNode(Node):
+    """Takes the place of rclpy's node below a GuardedNode.
+
+    `class Replayed(EstimatorNode, OfflineNode)` is the estimator's own code without a graph: what
+    GuardedNode asks of the class behind it is answered here.
+    """
+
+    place: Place
+    """Is set by the class that is created for one replay."""
+
+    def __init__(self, name: str, **_: Any) -> None:
+        self._offline_name, self._offline_values = name, {}
+        self._offline_takers: dict[str, Callable[[bytes], None]] = {}
+        self._parameter_overrides = {
+            key: Parameter(key, value=value) for key, value in self.place.parameters.items()
+        }
+
+    def use(self, taken: Taken) -> bool:
+        """Gives the node what it took; returns False if it has nothing that takes it."""
+        notes: Any = self.journal  # type: ignore[attr-defined]
+        notes.begin(taken)
+        taker = self._offline_takers.get(taken.source)
+        if taker is not None:
+            taker(taken.content)
+        return taker is not None
+
+    def destroy_node(self) -> None:
+        """Does nothing: there is no node."""
+
+    def get_name(self) -> str:
+        """Returns the node's name."""
+        return self._offline_name
+
+    def get_namespace(self) -> str:
+        """Returns the cell's namespace."""
+        return self.place.namespace or "/"
+
+    def get_fully_qualified_name(self) -> str:
+        """Returns the node's name behind the cell's namespace."""
+        return f"{self.place.namespace.rstrip('/')}/{self._offline_name}"
+
+    def resolve_topic_name(self, topic: str, **_: Any) -> str:
+        """Returns a topic's full name, as it was remapped."""
+        known = self.place.topics.get(topic)
+        return known or (
+            topic if topic.startswith("/") else f"{self.place.namespace.rstrip('/')}/{topic}"
+        )
+
+    def get_clock(self) -> Any:
+        """Returns the clock of what is being used."""
+        notes: Any = getattr(self, "journal", None)
+        now_ns = 0 if notes is None else notes.now_ns
+        simulated = self.place.simulated
+        return SimpleNamespace(
+            now=lambda: SimpleNamespace(nanoseconds=now_ns, to_msg=lambda: _stamp(now_ns)),
+            ros_time_is_active=simulated,
+            handle=SimpleNamespace(get_ros_time_override_is_enabled=lambda: simulated),
+        )
+
+    def count_publishers(self, topic_name: str) -> int:
+        """Returns how many publishers a topic had."""
+        notes: Any = self.journal  # type: ignore[attr-defined]
+        return int(notes.asked(f"count {self.resolve_topic_name(topic_name)}") or 0)
+
+    def get_publishers_info_by_topic(self, topic_name: str, **_: Any) -> list[Any]:
+        """Returns what was known of a topic's publishers."""
+        notes: Any = self.journal  # type: ignore[attr-defined]
+        names = ("node_name", "node_namespace", "topic_type", "endpoint_gid")
+        found = notes.asked(f"info {self.resolve_topic_name(topic_name)}") or []
+        return [
+            SimpleNamespace(**{**dict(zip(names, one, strict=True)),
+                               "endpoint_gid": bytes.fromhex(one[-1])})
+            for one in found
+        ]  # fmt: skip
+
+    def declare_parameter(self, name: str, value: Any = None, *_: Any, **__: Any) -> Parameter:
+        """Declares a parameter with its recorded value, or its default."""
+        given = self._parameter_overrides.get(name)
+        self._offline_values[name] = given or Parameter(name, value=value)
+        return self._offline_values[name]
+
+    def has_parameter(self, name: str) -> bool:
+        """Returns whether a parameter is declared."""
+        return name in self._offline_values
+
+    def get_parameter(self, name: str) -> Parameter:
+        """Returns a declared parameter."""
+        return self._offline_values[name]
+
+    def add_pre_set_parameters_callback(self, callback: Any) -> None:
+        """Does nothing: what was refused was not noted."""
+
+    add_on_set_parameters_callback = add_pre_set_parameters_callback
+
+    def add_post_set_parameters_callback(self, callback: Any) -> None:
+        """Keeps the function that applies changed parameters."""
+
+        def change(content: bytes) -> None:
+            changed = [Parameter(k, value=v) for k, v in json.loads(content).items()]
+            self._offline_values.update({one.name: one for one in changed})
+            callback(changed)
+
+        self._offline_takers[journal.PARAMETERS] = change
+
+    def create_publisher(self, kind: Any, topic: str, *_: Any, **__: Any) -> Any:
+        """Creates a publisher that hands its messages over."""
+        name, give = self.resolve_topic_name(topic), self.place.give
+        return SimpleNamespace(
+            publish=lambda message: give(name, message), get_subscription_count=lambda: 1
+        )
+
+    def create_subscription(
+        self, kind: Any, topic: str, callback: Callable[..., None], *_: Any, **__: Any
+    ) -> Any:
+        """Creates a subscription to recorded messages, which come as bytes."""
+        source: str = getattr(callback, "source")  # noqa: B009 - a function's attribute
+        info = {"publication_sequence_number": None, "received_timestamp": 0}
+        informed = len(signature(callback).parameters) == 2
+        self._offline_takers[source] = (lambda data: callback(data, info)) if informed else callback
+        return SimpleNamespace(get_publisher_count=lambda: 1)
+
+    def create_timer(self, period: float, callback: Callable[[], None], *_: Any, **__: Any) -> Any:
+        """Creates a timer that ticks when the recorded one did."""
+        source: str = getattr(callback, "source")  # noqa: B009 - a function's attribute
+        self._offline_takers[source] = lambda content: callback()
+        return SimpleNamespace(reset=lambda: None)
+
+    def create_service(self, kind: Any, name: str, callback: Any, *_: Any, **__: Any) -> Any:
+        """Creates a service that is given recorded requests."""
+
+        def serve(content: bytes) -> None:
+            callback(deserialize_message(content, kind.Request), kind.Response())
+
+        self._offline_takers[f"{journal.SERVICE}{name}"] = serve
+        return SimpleNamespace()
+
+
+def replayed(node_class: type[GuardedNode], place: Place, **arguments: Any) -> Any:
+    """Creates a node of a class without a graph; its methods `use` and `is_prepared` drive it."""
+    created = type(
+        f"Replayed{node_class.__name__}", (node_class, OfflineNode),
+        {"place": place, "_new_journal": lambda self: OfflineJournal(),
+         "get_logger": lambda self: _SILENT, "create_action_server": lambda self, *_, **__: SimpleNamespace(destroy=lambda: None)},
+    )  # fmt: skip
+    return created(**arguments)
+
+
+_SILENT = SimpleNamespace(
+    debug=lambda _: True, info=lambda _: True, warning=lambda _: True, error=lambda _: True
+)
+"""A logger: what a node says was said when it was recorded."""
+
+
+def _stamp(now_ns: int) -> Any:
+    from slosh_msgs_py.stamps import to_time
+
+    return to_time(now_ns)

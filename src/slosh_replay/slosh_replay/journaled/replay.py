@@ -1,0 +1,178 @@
+"""Runs the nodes of a recording again: their own code, given what they took, in its order."""
+
+from __future__ import annotations
+
+import tempfile
+from collections import defaultdict, deque
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rclpy.serialization import serialize_message
+
+from slosh_bag.reader import BagReader
+from slosh_estimator.nodes.estimator_node import EstimatorNode
+from slosh_estimator.nodes.monitor_node import MonitorNode
+from slosh_estimator.nodes.sensor_node import PAYLOAD, SensorNode
+from slosh_estimator.inputs import ROBOT
+from slosh_model.tray import TRAY
+from slosh_msgs_py import topics
+from slosh_msgs_py.node.guarded import GuardedNode
+from slosh_msgs_py.node.journal import BEGIN, START
+from slosh_msgs_py.node.offline import Place, replayed
+from slosh_replay.journaled.taken import Process, read_processes
+from slosh_replay.recording.settings import NodeStart, read_starts
+
+
+class Row(NamedTuple):
+    """A node that can be replayed.
+
+    Attributes:
+        node: its class.
+        arguments: of the class.
+        files: parameters that are set to a file with a recorded text, by the text's name.
+    """
+
+    node: type[GuardedNode]
+    arguments: Mapping[str, Any]
+    files: Mapping[str, str]
+
+
+ROWS: Mapping[str, Row] = {
+    "estimator": Row(
+        EstimatorNode, {"later": True}, {"model": "model", TRAY: "model", ROBOT: "urdf"}
+    ),
+    "monitor": Row(MonitorNode, {}, {}),
+    "sensor": Row(SensorNode, {}, {PAYLOAD: PAYLOAD}),
+}
+COMPARED = (
+    topics.ESTIMATE, topics.EXPECTED_READING, topics.TRAY_ESTIMATE, topics.FUSED_ESTIMATE,
+    topics.CALM, topics.COMPARISON, topics.SENSED_SURFACE, topics.FREE_SURFACE,
+    topics.ESTIMATOR_STATE, topics.OBSERVER_STATE, topics.LIMIT_EVENT,
+)  # fmt: skip
+_STAMP = slice(4, 12)
+"""Where a serialised message has the stamp of its header."""
+
+
+class TopicMatch(NamedTuple):
+    """Recorded messages of one topic against those of the replay.
+
+    Attributes:
+        identical: recorded ones that the replay gives bit for bit.
+        different: recorded ones of whose stamp the replay gives another message.
+        missing: recorded ones of whose stamp it gives none.
+    """
+
+    identical: int = 0
+    different: int = 0
+    missing: int = 0
+
+    @property
+    def exact(self) -> bool:
+        """Whether there are messages and all are the same."""
+        return self.identical > 0 and not self.different and not self.missing
+
+
+class NodeReplay(NamedTuple):
+    """Result of the replay of one process of a node.
+
+    Attributes:
+        node: its name.
+        taken: things that it was given.
+        lacking: why it was not given all; empty: it was.
+        matches: by the last name of the topic.
+    """
+
+    node: str
+    taken: int
+    lacking: str
+    matches: Mapping[str, TopicMatch]
+
+
+def replay_journals(path: str | Path, cell: str = topics.NAMESPACE) -> list[NodeReplay]:
+    """Replays each node of a recording by its journal, and compares what it publishes.
+
+    Args:
+        path: of the bag.
+        cell: namespace of the topics.
+
+    Raises:
+        SloshBagError: no readable bag.
+    """
+    reader = BagReader(path)
+    processes = read_processes(reader, f"{cell}/{topics.JOURNAL}")
+    starts = read_starts(reader, f"{cell}/{topics.SETTINGS}")
+    found, before_ns = [], defaultdict(lambda: -(2**63))
+    for process in processes:
+        row = ROWS.get(process.node)
+        own = [one for one in starts if one.node == process.node and one.is_process]
+        start = next((one for one in own if one.log_ns > before_ns[process.node]), None)
+        before_ns[process.node] = process.begin_ns
+        if row is None or start is None:
+            continue
+        found.append(_replay(reader, process, row, start, cell))
+    return found
+
+
+def _replay(
+    reader: BagReader, process: Process, row: Row, start: NodeStart, cell: str
+) -> NodeReplay:
+    given: dict[str, list[bytes]] = defaultdict(list)
+
+    def give(topic: str, message: Any) -> None:
+        if topic.removeprefix(f"{cell}/") in COMPARED:
+            given[topic].append(bytes(serialize_message(message)))
+
+    with tempfile.TemporaryDirectory(prefix="slosh_replay_") as name:
+        parameters = {**start.parameters, **_files(Path(name), start, row)}
+        place = Place(cell, parameters, start.topics, simulated=False, give=give)
+        node = replayed(row.node, place, **row.arguments)
+        for taken in process.taken:
+            if taken.source == START:
+                node.journal.begin(taken)
+            elif taken.source == BEGIN:
+                node.journal.begin(taken)
+                node.prepare(lambda _: None)
+                node.is_prepared()
+            else:
+                node.use(taken)
+    matches = {
+        topic.removeprefix(f"{cell}/"): _match(reader, topic, messages)
+        for topic, messages in given.items()
+    }
+    return NodeReplay(process.node, len(process.taken), process.lacking, matches)
+
+
+def _files(folder: Path, start: NodeStart, row: Row) -> dict[str, str]:
+    """Writes recorded texts to files; returns the parameters that name them."""
+    found = {}
+    for text, parameter in row.files.items():
+        if text in start.files:
+            path = folder / f"{text}.yaml"
+            path.write_text(start.files[text], "utf-8")
+            found[parameter] = str(path)
+    return found
+
+
+def _match(reader: BagReader, topic: str, given: Sequence[bytes]) -> TopicMatch:
+    by_stamp: dict[bytes, deque[bytes]] = defaultdict(deque)
+    for data in given:
+        by_stamp[data[_STAMP]].append(data)
+    identical = different = missing = 0
+    for message in reader.messages({topic}):
+        waiting = by_stamp.get(message.data[_STAMP])
+        if not waiting:
+            missing += 1
+        elif _same(reader, message, waiting.popleft()):
+            identical += 1
+        else:
+            different += 1
+    return TopicMatch(identical, different, missing)
+
+
+def _same(reader: BagReader, message: Any, data: bytes) -> bool:
+    """Whether two serialised messages have equal fields; padding may differ."""
+    if message.data == data:
+        return True
+    fields = [repr(reader.decode(message._replace(data=one))) for one in (message.data, data)]
+    return fields[0] == fields[1]
