@@ -19,6 +19,7 @@ from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
 from slosh_replay.replay import replay_bag
 from slosh_testing.hearing_robot import HearingRobot
+from slosh_testing.journaled import assert_same_by_journal
 from slosh_testing.rail_robot import acceleration, cup_position, quaternion, swung
 
 pytestmark = pytest.mark.timeout(200)
@@ -76,6 +77,7 @@ def check(found: np.ndarray, folder: Path, share: float = 0.02) -> None:
     assert len(found) > 0.6 * len(TIMES)
     assert np.abs(found[:, 1:] - true).max() < share * np.abs(true).max()
     verification = replay_bag(folder / "bag").verification
+    assert_same_by_journal(folder / "bag")
     assert verification is not None
     assert verification.exact, verification.lines()
 

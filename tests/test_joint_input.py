@@ -19,6 +19,7 @@ from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
 from slosh_replay.replay import replay_bag
 from slosh_testing.hearing_robot import HearingRobot
+from slosh_testing.journaled import assert_same_by_journal
 from slosh_testing.rail_robot import JOINTS, RAIL_URDF, acceleration, swung
 
 pytestmark = [
@@ -116,6 +117,7 @@ def test_joints_of_two_drivers_live_and_replayed(tmp_path: Path, domain: int) ->
     assert np.sqrt(np.mean((msh - true) ** 2)) < 0.02 * true.max()
     assert not any(one.flags for one in driver.estimates[len(t) // 2 :])
     result = replay_bag(bag)
+    assert_same_by_journal(bag)
     assert result.verification is not None
     assert result.verification.exact
     assert result.counters["samples_used"] > 350

@@ -12,6 +12,7 @@ import yaml
 from slosh_bringup.processes import node_environment
 from slosh_model import Model, format_model
 from slosh_replay.replay import replay_bag
+from slosh_testing.journaled import assert_same_by_journal
 from slosh_testing.live_processes import live_process
 from tests.rectangle_robot import TANK, write_camera
 
@@ -56,6 +57,7 @@ def test_the_pendulum_and_the_camera_agree(run):
 def test_its_bag_replays_bit_for_bit(run):
     folder, _ = run
     result = replay_bag(folder / "bag")
+    assert_same_by_journal(folder / "bag")
     assert result.model.container == TANK
     assert result.verification.exact, result.verification.lines()
     # Live, an estimate that came too late was compared with nothing; a recording cannot know that.

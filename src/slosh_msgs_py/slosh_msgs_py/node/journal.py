@@ -35,13 +35,17 @@ _MOST_SOURCES = 256
 
 
 def checksum(data: bytes) -> int:
-    """Returns the CRC-32 of a serialised message.
+    """Returns the CRC-32 of a serialised message in whole words."""
+    return crc32(whole_words(data))
 
-    Between processes Fast DDS fills messages up to whole words of four bytes; within one process
-    it does not.
+
+def whole_words(data: bytes) -> bytes:
+    """Fills a serialised message up to whole words of four bytes with zeros.
+
+    Fast DDS does so between processes, not within one.
     """
     short = -len(data) % 4
-    return crc32(data + bytes(short) if short else data)
+    return data + bytes(short) if short else data
 
 
 class Journal:

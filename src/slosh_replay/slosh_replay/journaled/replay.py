@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import tempfile
-from collections import defaultdict, deque
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 
+from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader
 from slosh_estimator.nodes.estimator_node import EstimatorNode
 from slosh_estimator.nodes.monitor_node import MonitorNode
@@ -18,7 +21,7 @@ from slosh_estimator.inputs import ROBOT
 from slosh_model.tray import TRAY
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.guarded import GuardedNode
-from slosh_msgs_py.node.journal import BEGIN, START
+from slosh_msgs_py.node.journal import BEGIN, START, whole_words
 from slosh_msgs_py.node.offline import Place, replayed
 from slosh_replay.journaled.taken import Process, read_processes
 from slosh_replay.recording.settings import NodeStart, read_starts
@@ -61,11 +64,13 @@ class TopicMatch(NamedTuple):
         identical: recorded ones that the replay gives bit for bit.
         different: recorded ones of whose stamp the replay gives another message.
         missing: recorded ones of whose stamp it gives none.
+        unchecked: recorded ones that the node sent after its last journal, as when it was killed.
     """
 
     identical: int = 0
     different: int = 0
     missing: int = 0
+    unchecked: int = 0
 
     @property
     def exact(self) -> bool:
@@ -137,7 +142,7 @@ def _replay(
             else:
                 node.use(taken)
     matches = {
-        topic.removeprefix(f"{cell}/"): _match(reader, topic, messages)
+        topic.removeprefix(f"{cell}/"): _match(reader, topic, messages, process)
         for topic, messages in given.items()
     }
     return NodeReplay(process.node, len(process.taken), process.lacking, matches)
@@ -154,25 +159,53 @@ def _files(folder: Path, start: NodeStart, row: Row) -> dict[str, str]:
     return found
 
 
-def _match(reader: BagReader, topic: str, given: Sequence[bytes]) -> TopicMatch:
-    by_stamp: dict[bytes, deque[bytes]] = defaultdict(deque)
-    for data in given:
-        by_stamp[data[_STAMP]].append(data)
-    identical = different = missing = 0
-    for message in reader.messages({topic}):
-        waiting = by_stamp.get(message.data[_STAMP])
-        if not waiting:
-            missing += 1
-        elif _same(reader, message, waiting.popleft()):
-            identical += 1
-        else:
-            different += 1
-    return TopicMatch(identical, different, missing)
+def _match(
+    reader: BagReader, topic: str, given: Sequence[bytes], process: Process
+) -> TopicMatch:
+    begun_ns = process.taken[0].now_ns if process.taken else process.since_ns
+    own = [one for one in reader.messages({topic}) if one.publish_ns >= begun_ns]
+    recorded = [one for one in own if one.publish_ns <= process.until_ns]
+    late = len(own) - len(recorded)
+    if not recorded:
+        return TopicMatch(unchecked=late)
+    kind = recorded[0].message_type
+    ours, theirs = _places(given), _places([message.data for message in recorded])
+    shared = [place for place in theirs if place in ours]
+    pairs = [
+        reader.columns(_block(topic, kind, [data[place] for place in shared]))
+        for data in (ours, theirs)
+    ] if shared else [{}, {}]  # fmt: skip
+    same = np.ones(len(shared), dtype=bool)
+    for name, column in pairs[1].items():
+        same &= _same_bits(column, pairs[0].get(name, column[:0]))
+    identical = int(np.count_nonzero(same))
+    return TopicMatch(identical, len(shared) - identical, len(theirs) - len(shared), late)
 
 
-def _same(reader: BagReader, message: Any, data: bytes) -> bool:
-    """Whether two serialised messages have equal fields; padding may differ."""
-    if message.data == data:
-        return True
-    fields = [repr(reader.decode(message._replace(data=one))) for one in (message.data, data)]
-    return fields[0] == fields[1]
+def _places(messages: Sequence[bytes]) -> dict[tuple[bytes, int], bytes]:
+    """Returns messages by stamp, and by their place among those of the same stamp."""
+    counts: Counter[bytes] = Counter()
+    found = {}
+    for data in messages:
+        stamp = data[_STAMP]
+        found[stamp, counts[stamp]] = data
+        counts[stamp] += 1
+    return found
+
+
+def _block(topic: str, kind: str, messages: Sequence[bytes]) -> MessageBlock:
+    whole = [whole_words(data) for data in messages]
+    length = np.array([len(data) for data in whole], np.int64)
+    start = np.cumsum(length) - length
+    times = np.zeros(len(whole), np.int64)
+    buffer = np.frombuffer(b"".join(whole), np.uint8)
+    return MessageBlock(topic, kind, times, times, start, length, buffer)
+
+
+def _same_bits(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
+    if a.shape != b.shape:
+        return np.zeros(len(a), dtype=bool)
+    if a.dtype.kind == "f":
+        a, b = (np.ascontiguousarray(one).view(f"i{one.itemsize}") for one in (a, b))
+    same = np.ma.filled(np.ma.asarray(a == b), True) if np.ma.isMaskedArray(a) else a == b
+    return np.asarray(same).reshape(len(a), -1).all(axis=1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import defaultdict, deque
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from slosh_bag.reader import BagReader
@@ -21,6 +22,8 @@ class Process(NamedTuple):
     Attributes:
         node: its name.
         begin_ns: log time of its first journal [ns].
+        since_ns, until_ns: when its first and its last journal were sent [ns]. What it published
+            after that is not in them.
         taken: in order, up to the first thing that the recording lacks.
         lacking: what that is; empty: nothing.
         total: things in its journals.
@@ -28,6 +31,8 @@ class Process(NamedTuple):
 
     node: str
     begin_ns: int
+    since_ns: int
+    until_ns: int
     taken: list[Taken]
     lacking: str
     total: int
@@ -41,12 +46,15 @@ class _Entry(NamedTuple):
     steady_ns: int
 
 
-class _Notes(NamedTuple):
-    """Entries of one process, as they are read."""
+@dataclass(slots=True)
+class _Notes:
+    """Entries of one process, as they are read, and when its journals came and were sent."""
 
     begin_ns: int
-    entries: list[_Entry]
-    gaps: list[str]
+    since_ns: int
+    until_ns: int
+    entries: list[_Entry] = field(default_factory=list)
+    gap: str = ""
 
 
 def read_processes(reader: BagReader, topic: str) -> list[Process]:
@@ -79,15 +87,18 @@ def _read_notes(reader: BagReader, topic: str) -> Mapping[str, list[_Notes]]:
         journal = reader.decode(message)
         runs = found[journal.node]
         if journal.first == 0:
-            runs.append(_Notes(message.log_ns, [], []))
+            runs.append(_Notes(message.log_ns, message.publish_ns, message.publish_ns))
         elif not runs:
-            runs.append(_Notes(message.log_ns, [], ["the beginning of its journal"]))
+            begun = _Notes(message.log_ns, message.publish_ns, message.publish_ns)
+            begun.gap = "the beginning of its journal"
+            runs.append(begun)
         run = runs[-1]
         missing = journal.first - len(run.entries)
-        if missing and not run.gaps:
-            run.gaps.append(f"{missing} things of its journal")
-        if not run.gaps:
+        if missing and not run.gap:
+            run.gap = f"{missing} things of its journal"
+        if not run.gap:
             run.entries.extend(_entries(journal))
+            run.until_ns = message.publish_ns
     return found
 
 
@@ -120,7 +131,7 @@ def _process(
     node: str, notes: _Notes, messages: Mapping[tuple[str, int], deque[bytes]]
 ) -> Process:
     taken: list[Taken] = []
-    lacking = notes.gaps[0] if notes.gaps else ""
+    lacking = notes.gap
     for entry in notes.entries:
         if entry.source == ANSWER:
             if taken:
@@ -137,4 +148,6 @@ def _process(
                 break
             content = known[0]
         taken.append(Taken(entry.source, content, entry.now_ns, entry.steady_ns))
-    return Process(node, notes.begin_ns, taken, lacking, len(notes.entries))
+    return Process(
+        node, notes.begin_ns, notes.since_ns, notes.until_ns, taken, lacking, len(notes.entries)
+    )
