@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, Final
 
-
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.errors import SloshEstimatorError
@@ -73,6 +72,7 @@ class InputSubscription:
         source: what turns messages into samples.
         poses: what turns them into poses before; None: nothing needs to.
         rivalled: whether `rivals` found other publishers.
+        contested: whether several publishers send on a topic that allows only one.
         count: messages so far, of use or not.
 
     Raises:
@@ -100,7 +100,7 @@ class InputSubscription:
         self.source: AnyInput = settings.reader(kind)
         self.poses = settings.poses(kind)
         row = topics.DRIVING[kind]
-        self.rivalled, self.count = False, 0
+        self.rivalled, self.count, self.contested = False, 0, False
         self._is_shared = row.publishers is Publishers.MANY
         self._speakers = SpeakerWatch()
         self._rivals = Rivals(node, row.name, row.type)
@@ -173,11 +173,6 @@ class InputSubscription:
             self._unconnected = frame
         return True
 
-    @property
-    def contested(self) -> bool:
-        """Whether several publishers send on a topic that allows only one."""
-        return self._speakers.contested
-
     def rivals(self) -> str:
         """Returns the names of extra publishers in one line; empty if there are none."""
         if self._is_shared:
@@ -222,7 +217,12 @@ class InputSubscription:
             self.count += 1
             number = info.get("publication_sequence_number")
             arrival, matched = info["received_timestamp"], subscription.get_publisher_count()
-            self._speakers.take(number, arrival or self._node.now_ns(), matched)
+            at_ns = arrival or self._node.now_ns()
+            self.contested = bool(
+                self._node.noted(
+                    "contested", lambda: self._speakers.take(number, at_ns, matched)
+                )
+            )
             callback(message)
 
         # Several publishers may speak of different joints or transforms.

@@ -12,6 +12,7 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -107,13 +108,13 @@ class GuardedNode(Node):
         new.take(new.source(journal.START))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         super().create_timer(journal.PERIOD, new.flush, clock=steady)
-        self.context.on_shutdown(new.flush)
+        self.context.on_shutdown(new.close)
         return new
 
     def destroy_node(self) -> None:
         """Publishes the rest of the journal and ends the node."""
         if self.journal is not None:
-            self.journal.flush()
+            self.journal.close()
             self.journal = None
         super().destroy_node()
 
@@ -129,21 +130,32 @@ class GuardedNode(Node):
 
     def count_publishers(self, topic_name: str) -> int:
         """Returns how many publishers a topic has."""
-        count = int(super().count_publishers(topic_name))
-        if self.journal is not None:
-            self.journal.answer(f"count {self.resolve_topic_name(topic_name)}", count)
-        return count
+        own = super()
+        question = f"count {self.resolve_topic_name(topic_name)}"
+        return int(self.noted(question, lambda: own.count_publishers(topic_name)))
+
+    def noted(self, question: str, ask: Callable[[], Any]) -> Any:
+        """Returns the answer to a question that no message answers; notes it where it changes.
+
+        Args:
+            question: its name in the journal.
+            ask: finds the answer, which JSON can hold.
+        """
+        return ask() if self.journal is None else self.journal.noted(question, ask)
 
     def get_publishers_info_by_topic(self, topic_name: str, **options: Any) -> list[Any]:
         """Returns what is known of each publisher of a topic."""
-        found: list[Any] = super().get_publishers_info_by_topic(topic_name, **options)
-        if self.journal is not None:
-            known = [
-                (one.node_name, one.node_namespace, one.topic_type, bytes(one.endpoint_gid).hex())
+        own, found = super(), []
+
+        def known() -> list[list[str]]:
+            found.extend(own.get_publishers_info_by_topic(topic_name, **options))
+            return [
+                [one.node_name, one.node_namespace, one.topic_type, bytes(one.endpoint_gid).hex()]
                 for one in found
             ]
-            self.journal.answer(f"info {self.resolve_topic_name(topic_name)}", known)
-        return found
+
+        noted = self.noted(f"info {self.resolve_topic_name(topic_name)}", known)
+        return found or [_endpoint(*one) for one in noted]
 
     def get_logger(self) -> PlainLogger:
         """Returns the node's logger, which prints each message as one line."""
@@ -187,7 +199,9 @@ class GuardedNode(Node):
         guarded = self._guarded(callback, "timer")
         return super().create_timer(timer_period_sec, guarded, *arguments, **options)
 
-    def create_action_server(self, action_type: Any, name: str, *arguments: Any, **options: Any) -> Any:
+    def create_action_server(
+        self, action_type: Any, name: str, *arguments: Any, **options: Any
+    ) -> Any:
         """Creates an action server."""
         return ActionServer(self, action_type, name, *arguments, **options)
 
@@ -272,6 +286,14 @@ class GuardedNode(Node):
                 self.faults.add(where, error)
 
         return guarded
+
+
+def _endpoint(node: str, namespace: str, kind: str, identity: str) -> Any:
+    """Returns what a journal holds of a publisher, in the form that rclpy has."""
+    return SimpleNamespace(
+        node_name=node, node_namespace=namespace, topic_type=kind,
+        endpoint_gid=bytes.fromhex(identity),
+    )  # fmt: skip
 
 
 def _from(source: str, callback: Callback) -> Callback:

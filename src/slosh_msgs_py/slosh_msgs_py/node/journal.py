@@ -1,8 +1,8 @@
 """Writes down all that a node takes, in order, so that a replay gives it the same again.
 
 What a node publishes follows from what it has taken and when: the order of messages of different
-topics, the ticks of its timers, requests, changed parameters, and what the graph has answered. None
-of that can be derived from the recorded messages alone.
+topics, the ticks of its timers, requests, changed parameters, and what the graph has answered.
+None of that can be derived from the recorded messages alone.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import time
 from array import array
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
@@ -66,6 +66,7 @@ class Journal:
         self.now_ns = self.steady_ns = 0
         self._message = JournalMessage()
         self._sources: dict[str, int] = {}
+        self._answers: dict[str, Any] = {}
         self._count = self._first = 0
         self._publisher: Any = None
         self._clear()
@@ -73,9 +74,7 @@ class Journal:
     def publish(self) -> None:
         """Begins to publish; the node exists from here on."""
         self._message.node = self._node.get_name()
-        self._publisher = self._node.create_publisher(
-            JournalMessage, topics.JOURNAL, qos.EVENT
-        )
+        self._publisher = self._node.create_publisher(JournalMessage, topics.JOURNAL, qos.EVENT)
 
     def source(self, name: str) -> int:
         """Returns the index under which things of a source are noted."""
@@ -97,11 +96,15 @@ class Journal:
         """Notes changed parameters that are about to be used."""
         self.take(self.source(PARAMETERS), json.dumps(dict(values)).encode())
 
-    def answer(self, question: str, found: Any) -> None:
-        """Notes what the graph has answered to a question while something was used."""
-        content = json.dumps([question, found]).encode()
-        self._append(self.source(ANSWER), len(content), self.now_ns, self.steady_ns)
-        self._content += content
+    def noted(self, question: str, ask: Callable[[], Any]) -> Any:
+        """Asks what no message tells while something is used; notes the answer if it is new."""
+        found = ask()
+        if question not in self._answers or self._answers[question] != found:
+            self._answers[question] = found
+            content = json.dumps([question, found]).encode()
+            self._append(self.source(ANSWER), len(content), self.now_ns, self.steady_ns)
+            self._content += content
+        return found
 
     def flush(self) -> None:
         """Publishes what was noted since the last call; nothing where there is nothing."""
@@ -116,6 +119,11 @@ class Journal:
         message.content = array("B", self._content)
         self._publisher.publish(message)
         self._clear()
+
+    def close(self) -> None:
+        """Publishes what was noted last; the node ends."""
+        self.flush()
+        self._publisher = None
 
     def _note(self, source: int, check: int) -> None:
         now_ns, steady_ns = self._clocks()

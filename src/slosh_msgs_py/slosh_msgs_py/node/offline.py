@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.serialization import deserialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 
 from slosh_msgs_py.node import journal
 from slosh_msgs_py.node.guarded import GuardedNode
 
-Given = Callable[[str, Any], None]
-"""Takes a topic's full name and a message; the message may be changed after the call."""
+Given = Callable[[str, Callable[[], bytes]], None]
+"""Takes a topic's full name and what serialises the message, to be called at once if at all."""
 
 
 class Taken(NamedTuple):
@@ -63,20 +63,23 @@ class OfflineJournal:
 
     def __init__(self) -> None:
         self.now_ns = self.steady_ns = 0
-        self._answers: list[tuple[str, Any]] = []
+        self._answers: dict[str, Any] = {}
+        self._new: list[tuple[str, Any]] = []
 
     def begin(self, taken: Taken) -> None:
         """Sets time and answers to those of something that is about to be used."""
         self.now_ns, self.steady_ns = taken.now_ns, taken.steady_ns
-        self._answers = list(taken.answers)
+        self._answers.update(self._new)
+        self._new = list(taken.answers)
 
-    def asked(self, question: str) -> Any:
-        """Returns what the graph answered; None where it was not asked."""
-        for index, (asked, answer) in enumerate(self._answers):
+    def noted(self, question: str, _: Any) -> Any:
+        """Returns the noted answer to a question: the next new one, or that of before."""
+        for index, (asked, answer) in enumerate(self._new):
             if asked == question:
-                del self._answers[index]
-                return answer
-        return None
+                del self._new[index]
+                self._answers[question] = answer
+                break
+        return self._answers.get(question)
 
     def source(self, name: str) -> str:
         """Returns the name of a source."""
@@ -88,7 +91,7 @@ class OfflineJournal:
     def take(self, source: str, content: bytes = b"") -> None:
         """Does nothing: what is used was noted when it was recorded."""
 
-    take_message = take_values = answer = take
+    take_message = take_values = take
 
 
 class OfflineNode(Node):
@@ -150,22 +153,6 @@ class OfflineNode(Node):
             handle=SimpleNamespace(get_ros_time_override_is_enabled=lambda: simulated),
         )
 
-    def count_publishers(self, topic_name: str) -> int:
-        """Returns how many publishers a topic had."""
-        notes: Any = self.journal  # type: ignore[attr-defined]
-        return int(notes.asked(f"count {self.resolve_topic_name(topic_name)}") or 0)
-
-    def get_publishers_info_by_topic(self, topic_name: str, **_: Any) -> list[Any]:
-        """Returns what was known of a topic's publishers."""
-        notes: Any = self.journal  # type: ignore[attr-defined]
-        names = ("node_name", "node_namespace", "topic_type", "endpoint_gid")
-        found = notes.asked(f"info {self.resolve_topic_name(topic_name)}") or []
-        return [
-            SimpleNamespace(**{**dict(zip(names, one, strict=True)),
-                               "endpoint_gid": bytes.fromhex(one[-1])})
-            for one in found
-        ]  # fmt: skip
-
     def declare_parameter(self, name: str, value: Any = None, *_: Any, **__: Any) -> Parameter:
         """Declares a parameter with its recorded value, or its default."""
         given = self._parameter_overrides.get(name)
@@ -199,7 +186,8 @@ class OfflineNode(Node):
         """Creates a publisher that hands its messages over."""
         name, give = self.resolve_topic_name(topic), self.place.give
         return SimpleNamespace(
-            publish=lambda message: give(name, message), get_subscription_count=lambda: 1
+            publish=lambda message: give(name, lambda: bytes(serialize_message(message))),
+            get_subscription_count=lambda: 1,
         )
 
     def create_subscription(
@@ -209,7 +197,9 @@ class OfflineNode(Node):
         source: str = getattr(callback, "source")  # noqa: B009 - a function's attribute
         info = {"publication_sequence_number": None, "received_timestamp": 0}
         informed = len(signature(callback).parameters) == 2
-        self._offline_takers[source] = (lambda data: callback(data, info)) if informed else callback
+        self._offline_takers[source] = (
+            (lambda data: callback(data, info)) if informed else callback
+        )
         return SimpleNamespace(get_publisher_count=lambda: 1)
 
     def create_timer(self, period: float, callback: Callable[[], None], *_: Any, **__: Any) -> Any:
@@ -231,10 +221,15 @@ class OfflineNode(Node):
 def replayed(node_class: type[GuardedNode], place: Place, **arguments: Any) -> Any:
     """Creates a node of a class without a graph; its methods `use` and `is_prepared` drive it."""
     created = type(
-        f"Replayed{node_class.__name__}", (node_class, OfflineNode),
-        {"place": place, "_new_journal": lambda self: OfflineJournal(),
-         "get_logger": lambda self: _SILENT, "create_action_server": lambda self, *_, **__: SimpleNamespace(destroy=lambda: None)},
-    )  # fmt: skip
+        f"Replayed{node_class.__name__}",
+        (node_class, OfflineNode),
+        {
+            "place": place,
+            "_new_journal": lambda self: OfflineJournal(),
+            "get_logger": lambda self: _SILENT,
+            "create_action_server": lambda self, *_, **__: SimpleNamespace(destroy=lambda: None),
+        },
+    )
     return created(**arguments)
 
 

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import tempfile
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.serialization import serialize_message
 
 from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader
+from slosh_estimator.inputs import ROBOT
 from slosh_estimator.nodes.estimator_node import EstimatorNode
 from slosh_estimator.nodes.monitor_node import MonitorNode
 from slosh_estimator.nodes.sensor_node import PAYLOAD, SensorNode
-from slosh_estimator.inputs import ROBOT
 from slosh_model.tray import TRAY
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.guarded import GuardedNode
@@ -124,9 +123,9 @@ def _replay(
 ) -> NodeReplay:
     given: dict[str, list[bytes]] = defaultdict(list)
 
-    def give(topic: str, message: Any) -> None:
+    def give(topic: str, serialise: Callable[[], bytes]) -> None:
         if topic.removeprefix(f"{cell}/") in COMPARED:
-            given[topic].append(bytes(serialize_message(message)))
+            given[topic].append(serialise())
 
     with tempfile.TemporaryDirectory(prefix="slosh_replay_") as name:
         parameters = {**start.parameters, **_files(Path(name), start, row)}
@@ -159,9 +158,7 @@ def _files(folder: Path, start: NodeStart, row: Row) -> dict[str, str]:
     return found
 
 
-def _match(
-    reader: BagReader, topic: str, given: Sequence[bytes], process: Process
-) -> TopicMatch:
+def _match(reader: BagReader, topic: str, given: Sequence[bytes], process: Process) -> TopicMatch:
     begun_ns = process.taken[0].now_ns if process.taken else process.since_ns
     own = [one for one in reader.messages({topic}) if one.publish_ns >= begun_ns]
     recorded = [one for one in own if one.publish_ns <= process.until_ns]

@@ -76,9 +76,7 @@ def read_processes(reader: BagReader, topic: str) -> list[Process]:
         if entry.source.startswith(MESSAGE)
     }
     messages = _messages(reader, heard)
-    return [
-        _process(node, run, messages) for node, runs in notes.items() for run in runs
-    ]
+    return [_process(node, run, messages) for node, runs in notes.items() for run in runs]
 
 
 def _read_notes(reader: BagReader, topic: str) -> Mapping[str, list[_Notes]]:

@@ -1,0 +1,118 @@
+"""Tests the replay of nodes by the journals of what they took."""
+
+import math
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import rclpy
+from geometry_msgs.msg import AccelStamped
+from std_srvs.srv import Trigger
+
+from slosh_bag.bag_writer import BagWriter
+from slosh_bag.definitions import Definitions
+from slosh_bag.nodes.recorder_node import RecorderNode
+from slosh_bag.reader import BagMessage, BagReader
+from slosh_estimator.nodes.estimator_node import EstimatorNode
+from slosh_estimator.nodes.monitor_node import MonitorNode
+from slosh_msgs.msg import FreeSurface, SloshEstimate
+from slosh_msgs_py import topics
+from slosh_msgs_py.conversions import filled
+from slosh_msgs_py.stamps import to_time
+from slosh_replay.journaled.replay import replay_journals
+from slosh_testing.graph import Graph
+from slosh_testing.journaled import assert_same_by_journal
+
+CUP = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\n"
+CELL, STEP_NS, COUNT = "/slosh", 4_000_000, 400
+Kept = Callable[[BagMessage], bool]
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory, domain: int) -> Path:
+    """Records estimator, observer and monitor; measured heights come late, and a request between.
+
+    A second process of the estimator takes the place of the first one.
+    """
+    folder = tmp_path_factory.mktemp("run")
+    (folder / "cup.yaml").write_text(CUP)
+    rclpy.init()
+    graph = Graph("robot", CELL)
+    try:
+        add = graph.with_parameters
+        recorder = add(RecorderNode, CELL, output=str(folder / "bag"))
+        add(MonitorNode, CELL, timeout=0.4)
+        for _ in range(2):
+            estimator = add(EstimatorNode, CELL, model=str(folder / "cup.yaml"), max_age=600.0)
+            _drive(graph)
+            graph.executor.remove_node(estimator)
+            graph.nodes.remove(estimator)
+            estimator.destroy_node()
+        _drain(graph)
+        recorder.close()
+    finally:
+        graph.close()
+        rclpy.shutdown()
+    return folder / "bag"
+
+
+def _drive(graph: Graph) -> None:
+    heard = graph.listen(SloshEstimate, topics.ESTIMATE)
+    accel = graph.publisher(AccelStamped, topics.ACCEL)
+    graph.until(lambda: accel.get_subscription_count() >= 2, "recorder and estimator")
+    surface = graph.publisher(FreeSurface, topics.FREE_SURFACE)
+    graph.until(lambda: surface.get_subscription_count() >= 3, "recorder and both nodes")
+    begin, late = time.time_ns() - COUNT * STEP_NS, []
+    for k in range(COUNT):
+        stamp = begin + k * STEP_NS
+        message = AccelStamped()
+        message.header.stamp, message.header.frame_id = to_time(stamp), "world"
+        message.accel.linear.x = 2.0 * math.sin(0.1 * k)
+        accel.publish(message)
+        if k % 5 == 0:
+            late.append(filled(
+                FreeSurface, stamp_ns=stamp, frame_id="container", msh=2e-3 + 1e-5 * k,
+                msh_stddev=1e-3, flags=0,
+            ))  # fmt: skip
+        if k % 7 == 0 and late:
+            surface.publish(late.pop(0))
+        if k == COUNT // 2:
+            graph.call(Trigger, topics.RESET, Trigger.Request())
+        graph.executor.spin_once(timeout_sec=0.001)
+    graph.until(lambda: len(heard) >= COUNT, "all estimates")
+
+
+def _drain(graph: Graph) -> None:
+    """Runs the nodes until the recorder has taken what was sent."""
+    end = time.monotonic() + 0.3
+    graph.until(lambda: time.monotonic() > end)
+
+
+def copied(bag: Path, target: Path, change: Callable[[BagMessage], BagMessage | None]) -> Path:
+    """Writes a copy of a bag with changed messages, or without them."""
+    reader, definitions = BagReader(bag), Definitions()
+    with BagWriter(target) as writer:
+        known: set[str] = set()
+        for message in reader.messages():
+            new = change(message)
+            if new is None:
+                continue
+            if new.topic not in known:
+                definitions.hash(new.message_type)
+                writer.add_topic(new.topic, new.message_type)
+                known.add(new.topic)
+            writer.write(new.topic, new.data, new.log_ns, new.publish_ns)
+    return target
+
+
+def test_each_process_gives_the_same_again(bag: Path) -> None:
+    assert_same_by_journal(bag, ("estimator", "monitor"))
+    found = replay_journals(bag)
+    assert [one.node for one in found].count("estimator") == 2
+    for one in found:
+        if one.node == "estimator":
+            assert one.matches[topics.ESTIMATE].identical == COUNT
+            assert one.matches[topics.FUSED_ESTIMATE].exact
+    monitor = next(one for one in found if one.node == "monitor")
+    assert monitor.matches[topics.COMPARISON].exact
