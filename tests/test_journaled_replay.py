@@ -2,21 +2,23 @@
 
 import math
 import time
+from collections import Counter
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 import rclpy
 from geometry_msgs.msg import AccelStamped
+from rclpy.serialization import deserialize_message, serialize_message
 from std_srvs.srv import Trigger
 
 from slosh_bag.bag_writer import BagWriter
-from slosh_bag.definitions import Definitions
 from slosh_bag.nodes.recorder_node import RecorderNode
 from slosh_bag.reader import BagMessage, BagReader
 from slosh_estimator.nodes.estimator_node import EstimatorNode
 from slosh_estimator.nodes.monitor_node import MonitorNode
-from slosh_msgs.msg import FreeSurface, SloshEstimate
+from slosh_msgs.msg import FreeSurface, Journal, SloshEstimate
 from slosh_msgs_py import topics
 from slosh_msgs_py.conversions import filled
 from slosh_msgs_py.stamps import to_time
@@ -26,7 +28,6 @@ from slosh_testing.journaled import assert_same_by_journal
 
 CUP = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\n"
 CELL, STEP_NS, COUNT = "/slosh", 4_000_000, 400
-Kept = Callable[[BagMessage], bool]
 
 
 @pytest.fixture(scope="module")
@@ -89,20 +90,16 @@ def _drain(graph: Graph) -> None:
     graph.until(lambda: time.monotonic() > end)
 
 
-def copied(bag: Path, target: Path, change: Callable[[BagMessage], BagMessage | None]) -> Path:
-    """Writes a copy of a bag with changed messages, or without them."""
-    reader, definitions = BagReader(bag), Definitions()
+def copied(bag: Path, target: Path, change: Callable[[int, BagMessage], bytes | None]) -> Path:
+    """Writes a copy of a bag with other bytes of messages; None leaves one out."""
+    counts: Counter[str] = Counter()
     with BagWriter(target) as writer:
-        known: set[str] = set()
-        for message in reader.messages():
-            new = change(message)
-            if new is None:
-                continue
-            if new.topic not in known:
-                definitions.hash(new.message_type)
-                writer.add_topic(new.topic, new.message_type)
-                known.add(new.topic)
-            writer.write(new.topic, new.data, new.log_ns, new.publish_ns)
+        for message in BagReader(bag).messages():
+            data = change(counts[message.topic], message)
+            counts[message.topic] += 1
+            if data is not None:
+                writer.add_topic(message.topic, message.message_type)
+                writer.write(message.topic, data, message.log_ns, message.publish_ns)
     return target
 
 
@@ -116,3 +113,52 @@ def test_each_process_gives_the_same_again(bag: Path) -> None:
             assert one.matches[topics.FUSED_ESTIMATE].exact
     monitor = next(one for one in found if one.node == "monitor")
     assert monitor.matches[topics.COMPARISON].exact
+
+
+def test_a_message_that_was_not_recorded_ends_the_comparison_and_is_named(
+    bag: Path, tmp_path: Path
+) -> None:
+    lost = f"{CELL}/{topics.ACCEL}"
+    kept = copied(
+        bag, tmp_path / "bag", lambda k, m: None if m.topic == lost and k == 100 else m.data
+    )
+    first = next(one for one in replay_journals(kept) if one.node == "estimator")
+    assert first.lacking == f"a message on {lost}"
+    match = first.matches[topics.ESTIMATE]
+    assert match.identical >= 99
+    assert match.different == match.missing == 0
+    assert match.identical + match.unchecked == COUNT
+
+
+def test_a_part_of_the_journal_that_was_not_recorded_is_named(bag: Path, tmp_path: Path) -> None:
+    journals = f"{CELL}/{topics.JOURNAL}"
+    mine = [m for m in BagReader(bag).messages({journals}) if _journal(m).node == "monitor"]
+    lost = mine[1].data
+    kept = copied(bag, tmp_path / "bag", lambda k, m: None if m.data == lost else m.data)
+    monitor = next(one for one in replay_journals(kept) if one.node == "monitor")
+    assert "of its journal" in monitor.lacking
+    assert all(match.different == 0 for match in monitor.matches.values())
+
+
+def test_another_order_gives_other_estimates(bag: Path, tmp_path: Path) -> None:
+    """The comparison fails where the order in which a node took its inputs is not kept."""
+    journals = f"{CELL}/{topics.JOURNAL}"
+
+    def swapped(_: int, message: BagMessage) -> bytes:
+        if message.topic != journals:
+            return message.data
+        journal = deserialize_message(message.data, Journal)
+        accel = [k for k, name in enumerate(journal.sources) if name.endswith(topics.ACCEL)]
+        rows = [k for k, source in enumerate(journal.source) if source in accel]
+        for a, b in pairwise(rows[:20:2]):
+            check = journal.check
+            check[a], check[b] = check[b], check[a]
+        return bytes(serialize_message(journal))
+
+    found = replay_journals(copied(bag, tmp_path / "bag", swapped))
+    matches = [one.matches[topics.ESTIMATE] for one in found if one.node == "estimator"]
+    assert any(match.different + match.missing for match in matches)
+
+
+def _journal(message: BagMessage) -> Journal:
+    return deserialize_message(message.data, Journal)

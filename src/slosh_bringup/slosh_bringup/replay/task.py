@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import version
+from importlib.util import find_spec
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from slosh_bringup.finished_work import FinishedWork
 from slosh_bringup.replay.replayed_governor import governor_row
 from slosh_estimator.inputs import WantedInput
 from slosh_model.model_text import read_model
+from slosh_msgs_py import topics
 from slosh_replay.manifest import Expectation
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording.facts import event_lines
@@ -202,10 +204,24 @@ def _checked(result: ReplayResult, task: Task) -> CheckedReplay | None:
     if task.expected is None:
         return None
     checked = check_result(result, task.expected)
+    checked = replace(checked, points=(*checked.points, *_by_journal(task)))
     if task.unstated:
         points = (Point("manifest", "the manifest does not list this bag"), *checked.points)
         checked = replace(checked, points=points)
     return checked
+
+
+def _by_journal(task: Task) -> list[Point]:
+    """Checks that the nodes' own code gives the same by their journals, where there are some.
+
+    That needs ROS 2; without it the recorded inputs alone are replayed.
+    """
+    if task.model is not None or task.given is not None or find_spec("rclpy") is None:
+        return []
+    from slosh_replay.journaled.replay import replay_journals
+
+    found = replay_journals(task.bag, task.cell or topics.NAMESPACE)
+    return [Point(f"{one.node} by its journal", one.failure) for one in found]
 
 
 def _in_short(found: Verification | None) -> str:

@@ -219,9 +219,7 @@ class InputSubscription:
             arrival, matched = info["received_timestamp"], subscription.get_publisher_count()
             at_ns = arrival or self._node.now_ns()
             self.contested = bool(
-                self._node.noted(
-                    "contested", lambda: self._speakers.take(number, at_ns, matched)
-                )
+                self._node.noted("contested", lambda: self._speakers.take(number, at_ns, matched))
             )
             callback(message)
 

@@ -12,6 +12,7 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -96,7 +97,7 @@ class GuardedNode(Node):
         self.faults = Faults(lambda line: self.get_logger().error(line))
         self.mismatches = Mismatches(self)
         self.journal: Journal | None = None
-        self._heard: Counter[str] = Counter()
+        self._topics_noted: Counter[str] = Counter()
         super().__init__(name, **options)
         if journaled:
             self.journal = self._new_journal()
@@ -130,9 +131,8 @@ class GuardedNode(Node):
 
     def count_publishers(self, topic_name: str) -> int:
         """Returns how many publishers a topic has."""
-        own = super()
-        question = f"count {self.resolve_topic_name(topic_name)}"
-        return int(self.noted(question, lambda: own.count_publishers(topic_name)))
+        ask = partial(super().count_publishers, topic_name)
+        return int(self.noted(f"count {self.resolve_topic_name(topic_name)}", ask))
 
     def noted(self, question: str, ask: Callable[[], Any]) -> Any:
         """Returns the answer to a question that no message answers; notes it where it changes.
@@ -145,10 +145,11 @@ class GuardedNode(Node):
 
     def get_publishers_info_by_topic(self, topic_name: str, **options: Any) -> list[Any]:
         """Returns what is known of each publisher of a topic."""
-        own, found = super(), []
+        ask = partial(super().get_publishers_info_by_topic, topic_name, **options)
+        found: list[Any] = []
 
         def known() -> list[list[str]]:
-            found.extend(own.get_publishers_info_by_topic(topic_name, **options))
+            found.extend(ask())
             return [
                 [one.node_name, one.node_namespace, one.topic_type, bytes(one.endpoint_gid).hex()]
                 for one in found
@@ -251,8 +252,8 @@ class GuardedNode(Node):
     ) -> Callback:  # fmt: skip
         """Wraps a callback of messages so that each is noted, by its bytes, before it is used."""
         name = self.resolve_topic_name(topic)
-        self._heard[name] += 1
-        again = f" {self._heard[name]}" if self._heard[name] > 1 else ""
+        self._topics_noted[name] += 1
+        again = f" {self._topics_noted[name]}" if self._topics_noted[name] > 1 else ""
         source = f"{journal.MESSAGE}{name}{again}"
         place = notes.source(source)
 

@@ -105,15 +105,24 @@ class OfflineNode(Node):
     """Is set by the class that is created for one replay."""
 
     def __init__(self, name: str, **_: Any) -> None:
-        self._offline_name, self._offline_values = name, {}
+        self._offline_name = name
+        self._offline_values: dict[str, Parameter] = {}
         self._offline_takers: dict[str, Callable[[bytes], None]] = {}
         self._parameter_overrides = {
             key: Parameter(key, value=value) for key, value in self.place.parameters.items()
         }
 
+    def count_publishers(self, topic_name: str) -> int:
+        """Is never asked: the journal has the answer."""
+        return 0
+
+    def get_publishers_info_by_topic(self, topic_name: str, **_: Any) -> list[Any]:
+        """Is never asked: the journal has the answer."""
+        return []
+
     def use(self, taken: Taken) -> bool:
         """Gives the node what it took; returns False if it has nothing that takes it."""
-        notes: Any = self.journal  # type: ignore[attr-defined]
+        notes: Any = self.journal
         notes.begin(taken)
         taker = self._offline_takers.get(taken.source)
         if taker is not None:

@@ -92,6 +92,17 @@ class NodeReplay(NamedTuple):
     lacking: str
     matches: Mapping[str, TopicMatch]
 
+    @property
+    def failure(self) -> str:
+        """What differs from the recorded messages, in one line; empty: nothing."""
+        parts = [
+            f"{topic}: {match.different} of {match.identical + match.different} differ, "
+            f"{match.missing} are missing"
+            for topic, match in self.matches.items()
+            if match.different or match.missing
+        ]
+        return f"{self.node} by its journal: {'; '.join(parts)}" if parts else ""
+
 
 def replay_journals(path: str | Path, cell: str = topics.NAMESPACE) -> list[NodeReplay]:
     """Replays each node of a recording by its journal, and compares what it publishes.
@@ -106,7 +117,8 @@ def replay_journals(path: str | Path, cell: str = topics.NAMESPACE) -> list[Node
     reader = BagReader(path)
     processes = read_processes(reader, f"{cell}/{topics.JOURNAL}")
     starts = read_starts(reader, f"{cell}/{topics.SETTINGS}")
-    found, before_ns = [], defaultdict(lambda: -(2**63))
+    found: list[NodeReplay] = []
+    before_ns: dict[str, int] = defaultdict(lambda: -(2**63))
     for process in processes:
         row = ROWS.get(process.node)
         own = [one for one in starts if one.node == process.node and one.is_process]
@@ -159,8 +171,11 @@ def _files(folder: Path, start: NodeStart, row: Row) -> dict[str, str]:
 
 
 def _match(reader: BagReader, topic: str, given: Sequence[bytes], process: Process) -> TopicMatch:
-    begun_ns = process.taken[0].now_ns if process.taken else process.since_ns
-    own = [one for one in reader.messages({topic}) if one.publish_ns >= begun_ns]
+    own = [
+        one
+        for one in reader.messages({topic})
+        if process.begun_ns <= one.publish_ns < process.end_ns
+    ]
     recorded = [one for one in own if one.publish_ns <= process.until_ns]
     late = len(own) - len(recorded)
     if not recorded:
@@ -205,4 +220,5 @@ def _same_bits(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
     if a.dtype.kind == "f":
         a, b = (np.ascontiguousarray(one).view(f"i{one.itemsize}") for one in (a, b))
     same = np.ma.filled(np.ma.asarray(a == b), True) if np.ma.isMaskedArray(a) else a == b
-    return np.asarray(same).reshape(len(a), -1).all(axis=1)
+    rows: NDArray[np.bool_] = np.all(np.asarray(same).reshape(len(a), -1), axis=1)
+    return rows

@@ -13,7 +13,7 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_msgs_py.node.journal import ANSWER, MESSAGE, MICROSECOND, checksum
 from slosh_msgs_py.node.offline import Taken
 
-JOURNAL_TYPE = "slosh_msgs/msg/Journal"
+_NEVER = 2**63 - 1
 
 
 class Process(NamedTuple):
@@ -22,20 +22,20 @@ class Process(NamedTuple):
     Attributes:
         node: its name.
         begin_ns: log time of its first journal [ns].
-        since_ns, until_ns: when its first and its last journal were sent [ns]. What it published
-            after that is not in them.
+        begun_ns, end_ns: when it began, and when the next one of the node did [ns].
+        until_ns: up to when what it published is known from what it took [ns]. It sent its last
+            journal then, or took the last thing before the first that is lacking.
         taken: in order, up to the first thing that the recording lacks.
         lacking: what that is; empty: nothing.
-        total: things in its journals.
     """
 
     node: str
     begin_ns: int
-    since_ns: int
+    begun_ns: int
+    end_ns: int
     until_ns: int
     taken: list[Taken]
     lacking: str
-    total: int
 
 
 class _Entry(NamedTuple):
@@ -51,7 +51,6 @@ class _Notes:
     """Entries of one process, as they are read, and when its journals came and were sent."""
 
     begin_ns: int
-    since_ns: int
     until_ns: int
     entries: list[_Entry] = field(default_factory=list)
     gap: str = ""
@@ -76,7 +75,12 @@ def read_processes(reader: BagReader, topic: str) -> list[Process]:
         if entry.source.startswith(MESSAGE)
     }
     messages = _messages(reader, heard)
-    return [_process(node, run, messages) for node, runs in notes.items() for run in runs]
+    found = []
+    for node, runs in notes.items():
+        begins = [_begun_ns(run) for run in runs]
+        for run, begun_ns, end_ns in zip(runs, begins, [*begins[1:], _NEVER], strict=True):
+            found.append(_process(node, run, messages, begun_ns, end_ns))
+    return found
 
 
 def _read_notes(reader: BagReader, topic: str) -> Mapping[str, list[_Notes]]:
@@ -85,9 +89,9 @@ def _read_notes(reader: BagReader, topic: str) -> Mapping[str, list[_Notes]]:
         journal = reader.decode(message)
         runs = found[journal.node]
         if journal.first == 0:
-            runs.append(_Notes(message.log_ns, message.publish_ns, message.publish_ns))
+            runs.append(_Notes(message.log_ns, message.publish_ns))
         elif not runs:
-            begun = _Notes(message.log_ns, message.publish_ns, message.publish_ns)
+            begun = _Notes(message.log_ns, message.publish_ns)
             begun.gap = "the beginning of its journal"
             runs.append(begun)
         run = runs[-1]
@@ -126,7 +130,11 @@ def _messages(reader: BagReader, topics: set[str]) -> dict[tuple[str, int], dequ
 
 
 def _process(
-    node: str, notes: _Notes, messages: Mapping[tuple[str, int], deque[bytes]]
+    node: str,
+    notes: _Notes,
+    messages: Mapping[tuple[str, int], deque[bytes]],
+    begun_ns: int,
+    end_ns: int,
 ) -> Process:
     taken: list[Taken] = []
     lacking = notes.gap
@@ -146,6 +154,9 @@ def _process(
                 break
             content = known[0]
         taken.append(Taken(entry.source, content, entry.now_ns, entry.steady_ns))
-    return Process(
-        node, notes.begin_ns, notes.since_ns, notes.until_ns, taken, lacking, len(notes.entries)
-    )
+    until_ns = taken[-1].now_ns if lacking and taken else notes.until_ns
+    return Process(node, notes.begin_ns, begun_ns, end_ns, until_ns, taken, lacking)
+
+
+def _begun_ns(notes: _Notes) -> int:
+    return notes.entries[0].now_ns if notes.entries else notes.begin_ns
