@@ -22,6 +22,7 @@ DOCS = Path(__file__).resolve().parent.parent / "docs"
 START = "<!-- generated: tools/run python tools/generated_text.py -->\n\n"
 END = "\n<!-- end generated -->\n"
 PAGES = {
+    "call": "interfaces.md",
     "calibrate": "calibration.md",
     "cell": "robot.md",
     "certificates": "robot.md#controllers",
@@ -37,6 +38,7 @@ PAGES = {
     "motion-map": "shape.md#motion-maps",
     "mounting": "input_checks.md#a-second-source",
     "new": "start.md",
+    "node": "robot.md#start",
     "plc": "robot.md#controllers",
     "query": "robot.md#recording",
     "recover": "files.md#unfinished-and-damaged-bags",
