@@ -9,6 +9,7 @@ import argparse
 import importlib
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 import effect_pages
@@ -59,7 +60,7 @@ def main() -> int:
 def parts() -> Mapping[str, Callable[[], str]]:
     """By page, relative to docs: what makes its generated text."""
     pages: dict[str, Callable[[], str]] = {
-        f"effects/{name}.md": lambda effect=effect: effect_pages.part(effect)
+        f"effects/{name}.md": partial(effect_pages.part, effect)
         for name, effect in EFFECTS.items()
     }
     return pages | {
