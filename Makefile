@@ -81,6 +81,7 @@ bench: setup
 tables: setup
 	@tools/run python tools/stranger.py --docs
 	@tools/run python tools/effect_pages.py
+	@tools/run python tools/generated_text.py
 	@tools/run python tools/accuracy_tables.py
 	@tools/run python validation/studies/camera_accuracy.py --disturb --docs
 	@tools/run python validation/studies/side_view_tables.py --docs

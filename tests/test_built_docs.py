@@ -1,6 +1,5 @@
 """Tests that the built pages load nothing from outside; formulae and search work offline."""
 
-import importlib
 import re
 import subprocess
 import sys
@@ -8,10 +7,6 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-
-from slosh_bringup.cli.main import COMMANDS
-from slosh_bringup.processes import NODES
-from slosh_model.effects.registry import EFFECTS
 
 ROOT = Path(__file__).resolve().parent.parent
 pytestmark = pytest.mark.timeout(300)
@@ -62,21 +57,3 @@ def test_nothing_is_loaded_from_outside(built):
     for sheet in built.rglob("*.css"):
         text = sheet.read_text(encoding="utf-8")
         assert not re.search(r"(@import|url\()\s*['\"]?(https?:)?//", text), sheet.name
-
-
-def test_generated_text_is_in_its_pages(built):
-    for name, effect in EFFECTS.items():
-        page = (built / "effects" / f"{name}.html").read_text(encoding="utf-8")
-        assert f"Acts on: {effect.stages[0].value}" in page
-        assert all(f">{parameter.name}<" in page for parameter in effect.parameters)
-        assert f"{name}.svg" in page
-    index = (built / "effects" / "index.html").read_text(encoding="utf-8")
-    assert index.count("<td><p><a ") == len(EFFECTS)
-    commands = (built / "commands.html").read_text(encoding="utf-8")
-    for name in COMMANDS:
-        assert f'<span class="pre">{name}</span></code>' in commands, name
-    interfaces = (built / "interfaces.html").read_text(encoding="utf-8")
-    for node, module in NODES.items():
-        assert f'id="{node}"' in interfaces
-        for spec in importlib.import_module(module).PARAMETERS:
-            assert f">{spec.name}<" in interfaces

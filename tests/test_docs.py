@@ -18,8 +18,11 @@ OUTPUTS = (
     "output", "page", "picture", "print_board", "plot", "strip", "video", "worst", "report",
     "junit",
 )  # fmt: skip
-# What is named like a file and is none: topics.
-TOPICS = ("measured", "topic", "topics", "rename", "exclude")
+# What is named like a file and is none: topics, values of parameters and fields.
+TOPICS = (
+    "measured", "topic", "topics", "rename", "exclude", "assigned", "remapped", "service",
+    "fields",
+)  # fmt: skip
 # What `make demo` leaves.
 DEMO = Path("out/demo")
 # What scripts leave where they are started.
@@ -45,6 +48,21 @@ def test_relative_links_lead_somewhere(page):
 def test_named_commands_exist(page):
     for name in re.findall(r"`(?:\.venv/bin/)?slosh ([a-z]+)", page.read_text(encoding="utf-8")):
         assert name in COMMANDS, name
+
+
+# Commands of ROS 2, which wheels do not contain, and what does the same without.
+WITHOUT_ROS2 = {
+    "run": "slosh node", "launch": "slosh cell", "service": "slosh call", "param": "slosh call",
+    "bag": "slosh play",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_no_page_needs_ros2(page):
+    text = page.read_text(encoding="utf-8")
+    for name in re.findall(r"\bros2 ([a-z]+)", text):
+        other = WITHOUT_ROS2.get(name, "no such command")
+        assert f"`{other}" in text or f"\n{other}" in text, f"ros2 {name} without {other}"
 
 
 class Reader:

@@ -124,10 +124,10 @@ def part(effect: Effect) -> str:
         f"$${effect.equation}$$",
         f"Acts on: {stages}. Source: {effect.source}.",
         only_for(effect),
-        parameter_table(effect),
+        parameter_lines(effect),
         f"```yaml\n{use(effect)}\n```",
         f"![Heights with and without {effect.name}, and the difference]({effect.name}.svg)",
-        caption(effect.name),
+        f"*Base model {SCENES[effect.name].base}. {difference(effect.name)}*",
     ]
     return "\n\n".join(block for block in blocks if block) + "\n"
 
@@ -138,35 +138,19 @@ def only_for(effect: Effect) -> str:
     return f"Only for a {kinds}." if kinds else ""
 
 
-def parameter_table(effect: Effect) -> str:
-    """Formats an effect's parameters as a Markdown table, or a sentence if there are none."""
-    if not effect.parameters:
-        return "It has no parameters."
-    rows = [
-        "| parameter | unit | bounds | neutral | default | usually | meaning |",
-        "|---|---|---|---|---|---|---|",
-        *map(parameter_row, effect.parameters),
-    ]
-    return "\n".join(rows)
+def parameter_lines(effect: Effect) -> str:
+    """Lists an effect's parameters, or says that there are none."""
+    return "\n".join(map(parameter_line, effect.parameters)) or "It has no parameters."
 
 
-def parameter_row(parameter: Parameter) -> str:
-    """Formats one parameter of a modelled effect as a Markdown table row."""
-    cells = (
-        f"`{parameter.name}`",
-        parameter.unit,
-        bounds(parameter),
-        number(parameter.neutral),
-        number(parameter.default),
-        usually(parameter),
-        parameter.description,
-    )
-    return f"| {' | '.join(cells)} |"
-
-
-def number(value: float | None) -> str:
-    """Formats a number, or a dash if it is unknown."""
-    return "–" if value is None else f"{value:g}"
+def parameter_line(parameter: Parameter) -> str:
+    """Formats one parameter of a modelled effect: name, unit, meaning, values."""
+    unit = "" if parameter.unit == "1" else f" [{parameter.unit}]"
+    values = [bounds(parameter)]
+    for name, value in (("neutral", parameter.neutral), ("default", parameter.default)):
+        values += [] if value is None else [f"{name} {value:g}"]
+    values += [f"usually {usually(parameter)}"] if usually(parameter) else []
+    return f"- `{parameter.name}`{unit}: {parameter.description}; {', '.join(values)}"
 
 
 def use(effect: Effect) -> str:
@@ -177,19 +161,24 @@ def use(effect: Effect) -> str:
 
 
 def caption(name: str) -> str:
-    """Returns the caption of an effect's picture, with the main numbers."""
+    """Returns the full caption of an effect's picture, which is kept in its file."""
     scene = SCENES[name]
-    _, plain, changed = heights(name)
-    gap = 1e3 * (changed - plain)
     what = "Maximum over the wall" if scene.azimuth is None else "Height at the container's +x"
     moves = "there and back, with a lift"
     if scene.motion == "turning":
         moves += ", while the container yaws and tilts"
     return (
         f"*{what} over a motion {moves}; {described(name)} filled "
-        f"{1e3 * CUP.fill_height:g} mm high, base model {scene.base}. Difference: RMS "
-        f"{np.sqrt(np.mean(gap**2)):.2f} mm, largest {np.max(np.abs(gap)):.1f} mm.*"
+        f"{1e3 * CUP.fill_height:g} mm high, base model {scene.base}. {difference(name)}*"
     )
+
+
+def difference(name: str) -> str:
+    """Returns a sentence on how much an effect changes the heights of its picture."""
+    _, plain, changed = heights(name)
+    gap = 1e3 * (changed - plain)
+    rms, largest = np.sqrt(np.mean(gap**2)), np.max(np.abs(gap))
+    return f"Difference: RMS {rms:.2f} mm, largest {largest:.1f} mm."
 
 
 def container(name: str) -> Cylinder | Rectangle:

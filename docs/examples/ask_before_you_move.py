@@ -1,14 +1,14 @@
 # %% [markdown]
 # # Prediction, step by step
 #
-# A cup of water is carried 40 cm: the height of the water, the fastest safe duration, and an
-# optimisation with SciPy. This needs no ROS:
+# A cup of water is carried 40 cm: the height of the water, the fastest safe duration, and a
+# filter of the motion. This needs no ROS:
 #
 # ```
 # pip install ./src/slosh_model ./src/slosh_base ./src/slosh_plan matplotlib
 # ```
 #
-# `slosh_model` simulates and computes gradients; it needs `slosh_base`.
+# `slosh_model` simulates; it needs `slosh_base`.
 #
 # ## Candidates
 #
@@ -109,47 +109,3 @@ print(
     f"{motion.duration:.3f} s, {1e3 * answer.nonlinear.peak:.1f} mm, "
     f"afterwards {1e3 * answer.nonlinear.residual:.2f} mm"
 )
-
-# %% [markdown]
-# ## Your own optimiser
-#
-# `peak_gradient` gives the derivative of the highest height by every sample of the acceleration
-# (adjoint of the simulation). Here SciPy changes the polynomial, in the same 0.8 s, to minimise
-# the height. The maximum is not smooth, so the smooth maximum is minimised.
-
-# %%
-from scipy.optimize import minimize
-
-from slosh_model import Inputs
-from slosh_model.gradient import peak_gradient
-
-duration, distance = 0.8, 0.4
-t = np.linspace(0.0, duration, 801)
-u = t / duration
-bumps = np.stack([(u * (1.0 - u)) ** 4 * (1.0 - 2.0 * u) ** n for n in (1, 3, 5)])
-shapes = np.gradient(np.gradient(bumps, u, axis=1), u, axis=1) * 256.0
-unit = distance / duration**2
-
-
-def cost(weights):
-    acceleration = np.zeros((len(t), 3))
-    acceleration[:, 0] = unit * (quintic(u)[2] + weights @ shapes)
-    found = peak_gradient(cup, Inputs(t, acceleration), smoothing=2e-4)
-    return 1e3 * found.height, 1e3 * unit * shapes @ found.gradient[:, 0]
-
-
-best = minimize(cost, np.zeros(3), jac=True, method="BFGS", options={"maxiter": 40})
-figure, axes = plt.subplots(figsize=(7.5, 2.8))
-for weights, label in ((np.zeros(3), "quintic"), (best.x, "least height")):
-    acceleration = np.zeros((len(t), 3))
-    acceleration[:, 0] = unit * (quintic(u)[2] + weights @ shapes)
-    response = simulate(cup, Inputs(t, acceleration))[0]
-    axes.plot(t, 1e3 * response.msh, label=label)
-    print(f"{label}: {1e3 * response.msh.max():.1f} mm")
-axes.set(xlabel="time [s]", ylabel="height [mm]")
-axes.legend()
-
-# %% [markdown]
-# Supported are the linear and the nonlinear model of a cylinder and the linear one of a rectangle,
-# in two and three dimensions, with effects that change only the modes; others are refused by
-# name. For limits and paths use [`slosh plan`](plan.md).

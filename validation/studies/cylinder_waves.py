@@ -1,6 +1,6 @@
 """Simulates the free surface of an upright cylinder by potential flow, as a reference.
 
-The same method as `slosh_model.multimodal` has for a rectangle, with the modes
+The same method as `slosh_testing.multimodal` has for a rectangle, with the modes
 J_m(k r) cos(m θ), J_m(k r) sin(m θ) and products by quadrature: Zakharov's equations with the
 vertical velocity at the surface expanded to an order in its steepness (West et al. 1987). Lengths
 may be in units of the radius, with gravity 1.

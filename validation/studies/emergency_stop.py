@@ -2,12 +2,11 @@
 
     tools/run python validation/studies/emergency_stop.py [--runs 100] [--half 1] [--workers 1]
 
-Cups move by the streams of `governor.py` and are stopped at a random moment, in one of three ways:
-by the governor; by `slosh_plan.stopping.safe_stop` from the state that the governor's model has;
-and without regard to the liquid, as fast as acceleration and jerk allow. *Joints*: those of
-`governed_loads.py`, each as fast as its own limits allow. The liquid's frequency and damping are
-wrong as there. Rows of medians; *above* counts stops whose height exceeds the
-limit, which the motion before kept.
+Cups move by the streams of `governor.py` and are stopped at a random moment, in one of two ways:
+by the governor, and without regard to the liquid, as fast as acceleration and jerk allow.
+*Joints*: those of `governed_loads.py`, each as fast as its own limits allow. The liquid's
+frequency and damping are wrong as there. Rows of medians; *above* counts stops whose height
+exceeds the limit, which the motion before kept.
 """
 
 from __future__ import annotations
@@ -26,11 +25,7 @@ from observer_accuracy import write_table
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
-from slosh_model import Inputs, simulate
-from slosh_plan import LiquidState
 from slosh_plan.governor import Command, Governed, Governor
-from slosh_plan.planning.limits import PlanLimits
-from slosh_plan.stopping import NoSafeStopError, safe_stop
 
 HEAD = (
     "stop",
@@ -39,10 +34,9 @@ HEAD = (
     "distance [mm]",
     "above",
     "highest, of the limit",
-    "none found",
     "joints, of their limits",
 )
-WAYS = ("governor", "safe_stop", "without the liquid")
+WAYS = ("governor", "without the liquid")
 JOINT_WAYS = ("joints: governor", "joints: without the liquid")
 LEAST = 0.1
 """Speed of a container that is stopped [m/s]."""
@@ -62,24 +56,8 @@ def moving(seed: int) -> tuple[Governor, list[Governed], np.random.Generator] | 
 
 
 def stop_of(governor: Governor, told: list[Governed], way: str) -> Array:
-    """Returns the accelerations (N, 3) [m/s²] of a stop at the governor's rate.
-
-    Raises:
-        NoSafeStopError: there is none.
-    """
-    model, limits, before = governor.model, governor.limits, told[-1]
-    if way == "safe_stop":
-        rows = np.array([[0.0] * 3, *(one.acceleration for one in told)])
-        t: Array = PERIOD * np.arange(len(rows), dtype=np.float64)
-        _, state = simulate(model, Inputs(t, rows))
-        found = safe_stop(
-            model, before.velocity, PlanLimits(limits.height, limits.height,
-            limits.acceleration, limits.jerk), acceleration=before.acceleration,
-            state=LiquidState(state.modal, state.modal),
-        )  # fmt: skip
-        t = np.arange(PERIOD, found.duration + PERIOD, PERIOD)
-        motion = found.trajectory
-        return np.column_stack([np.interp(t, motion.t, row) for row in motion.acceleration.T])
+    """Returns the accelerations (N, 3) [m/s²] of a stop at the governor's rate."""
+    limits, before = governor.limits, told[-1]
     if way == "governor":
         return np.array([one.acceleration for one in copy.deepcopy(governor).stopped()])
     return tracked(np.empty((0, 3)), limits, before.velocity, before.acceleration)[1]
@@ -110,17 +88,14 @@ def run_joints(way: str, seed: int) -> tuple[float, float, float, float]:
 def run(way: str, seed: int) -> tuple[float, float, float, float]:
     """Simulates one stop: time [s], distance [m], fractions of the height and joint limits.
 
-    NaN: not moving, or no stop.
+    NaN: not moving.
     """
     started = moving(seed)
     if started is None:
         return math.nan, math.nan, 0.0, 0.0
     governor, told, rng = started
     pair = 1.0 + FREQUENCY * rng.uniform(-1.0, 1.0), DAMPING ** rng.uniform(-1.0, 1.0)
-    try:
-        rows = stop_of(governor, told, way)
-    except NoSafeStopError:
-        return math.nan, math.nan, math.inf, 0.0
+    rows = stop_of(governor, told, way)
     past = np.array([one.acceleration for one in told])
     height = highest([other(governor.model, *pair)], np.concatenate([past, rows]))
     before = np.concatenate([past[-1:], rows[:-1]])
@@ -131,11 +106,10 @@ def run(way: str, seed: int) -> tuple[float, float, float, float]:
 
 def row(way: str, runs: Array) -> str:
     """Formats the results of many stops (N, 4) as a table row."""
-    none = np.isinf(runs[:, 2])
     time, distance, height, joints = runs[np.isfinite(runs).all(axis=1)].T
     return (
         f"| {way} | {len(time)} | {np.median(time):.2f} | {1e3 * np.median(distance):.0f} "
-        f"| {100 * np.mean(height > 1.0):.0f} % | {height.max():.2f} | {int(none.sum())} "
+        f"| {100 * np.mean(height > 1.0):.0f} % | {height.max():.2f} "
         f"| {f'{joints.max():.3f}' if joints.any() else '–'} |"
     )
 

@@ -31,9 +31,9 @@ from slosh_metrics.metrics import rms_error
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
-from slosh_model.multimodal import Tanks, simulate_tanks
 from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.simulate import Inputs
+from slosh_testing.multimodal import Tanks, simulate_tanks
 
 Array = NDArray[np.float64]
 

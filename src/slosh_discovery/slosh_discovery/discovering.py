@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+import shutil
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -289,8 +290,7 @@ def next_commands(request: DiscoveryRequest, finding: Finding) -> tuple[Command,
         found += [
             Command(
                 f"load it into the running estimator{whose}",
-                f"ros2 service call {shlex.quote(service)} slosh_msgs/srv/LoadModel "
-                + shlex.quote(f"{{path: {json.dumps(str(path.resolve()))}}}"),
+                _call(service, path),
             )
             for whose, path in models.items()
         ]
@@ -310,6 +310,16 @@ def next_commands(request: DiscoveryRequest, finding: Finding) -> tuple[Command,
                     _line(*words, "-o", f"{request.output}_2")),
         ]  # fmt: skip
     return tuple(found)
+
+
+def _call(service: str, model: Path) -> str:
+    """Returns the command that loads a model by a service, which works on this machine."""
+    name, path = shlex.quote(service), json.dumps(str(model.resolve()))
+    if shutil.which("ros2"):
+        return f"ros2 service call {name} slosh_msgs/srv/LoadModel " + shlex.quote(
+            f"{{path: {path}}}"
+        )
+    return f"slosh call {name} " + shlex.quote(f"path: {path}")
 
 
 def recorded_cell(data: Sequence[Path]) -> str:

@@ -1,5 +1,6 @@
 """Tests a discovery from files to its report: fitted motions and images."""
 
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -130,9 +131,32 @@ def test_each_group_gets_its_model_file_and_the_command_that_loads_it(tmp_path):
     for name, model in models.items():
         assert read_model(tmp_path / f"model_{name}.yaml") == model
     assert read_model(tmp_path / "model.yaml") == BASE
-    loads = [one for one in next_commands(request, finding) if "LoadModel" in one.line]
+    loads = [one for one in next_commands(request, finding) if "load_model" in one.line]
     assert [one.purpose.split()[-1] for one in loads] == ["a", "b"]
     assert f"{tmp_path}/model_b.yaml" in loads[1].line
+
+
+def test_the_command_that_loads_a_model_works_on_this_machine(tmp_path, monkeypatch):
+    (tmp_path / "bin").mkdir()
+    monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+    request = DiscoveryRequest((Path("runs"),), tmp_path / "it's", Path("model.yaml"))
+
+    def load():
+        (line,) = [
+            one.line for one in next_commands(request, example_finding())
+            if "load_model" in one.line
+        ]  # fmt: skip
+        return shlex.split(line)
+
+    path = tmp_path / "it's" / "model.yaml"
+    assert load() == ["slosh", "call", "/slosh/load_model", f'path: "{path}"']
+    program = tmp_path / "bin" / "ros2"
+    program.write_text("#!/bin/sh\n")
+    program.chmod(0o755)
+    kind = "slosh_msgs/srv/LoadModel"
+    assert load() == [
+        "ros2", "service", "call", "/slosh/load_model", kind, f'{{path: "{path}"}}',
+    ]  # fmt: skip
 
 
 def test_the_largest_tilt_that_the_model_does_not_feel_is_told():

@@ -52,30 +52,6 @@ def rms_error(measured: ArrayLike, model: ArrayLike) -> float:
     return _accuracy(measured, model).rms
 
 
-def standard_error_of_estimate(measured: ArrayLike, model: ArrayLike) -> float:
-    """Returns the standard error of TM20, §2.4: the rms deviation over repetitions and samples.
-
-    >>> repetitions = [[0.010, 0.004], [0.012, 0.004]]
-    >>> round(standard_error_of_estimate(repetitions, model=[0.011, 0.004]), 6)
-    0.000707
-
-    Args:
-        measured: (J,) samples, or (K, J) of K repetitions.
-        model: (J,), the same for each repetition, or (K, J).
-
-    Raises:
-        SloshMetricsError: the series do not match or share no finite moment.
-    """
-    repetitions = np.asarray(measured, dtype=np.float64)
-    try:
-        estimate = np.broadcast_to(np.asarray(model, dtype=np.float64), repetitions.shape)
-    except ValueError:
-        raise SloshMetricsError(
-            f"series of the shapes {repetitions.shape} and {np.shape(model)} cannot be compared"
-        ) from None
-    return rms_error(repetitions.ravel(), estimate.ravel())
-
-
 def relative_peak_error(measured_peak: float, model_peak: float) -> float:
     """Returns (model - measured) / measured, or NaN if the measured peak is not positive.
 

@@ -13,7 +13,6 @@ from slosh_metrics.metrics import (
     mean_absolute_error,
     peak_error,
     rms_error,
-    standard_error_of_estimate,
 )
 from slosh_metrics.surface_metrics import (
     effective_difference,
@@ -35,25 +34,15 @@ def test_pairs_without_a_measurement_do_not_count() -> None:
     assert rms_error(MEASURED, MODEL) == pytest.approx(math.sqrt(11e-4 / 3))
 
 
-@pytest.mark.parametrize(
-    "metric", [peak_error, mean_absolute_error, rms_error, standard_error_of_estimate]
-)
+@pytest.mark.parametrize("metric", [peak_error, mean_absolute_error, rms_error])
 def test_nothing_to_compare_is_an_error(metric: Callable[..., float]) -> None:
     with pytest.raises(SloshMetricsError, match="no finite moment"):
         metric([math.nan], [1.0])
 
 
-def test_seoe_compares_every_repetition_with_the_one_simulation() -> None:
-    assert standard_error_of_estimate([[1.0, 2.0], [3.0, 2.0]], [2.0, 2.0]) == pytest.approx(
-        math.sqrt(0.5)
-    )
-
-
 def test_shapes_that_do_not_match_are_refused_with_both_shapes() -> None:
     with pytest.raises(SloshMetricsError, match=r"\(2,\).*\(3,\)"):
         mean_absolute_error([1, 2], [1, 2, 3])
-    with pytest.raises(SloshMetricsError, match=r"\(2, 2\).*\(3,\)"):
-        standard_error_of_estimate([[1, 2], [3, 4]], [1, 2, 3])
 
 
 HEIGHT = st.floats(-1.0, 1.0) | st.just(math.nan) | st.just(math.inf)

@@ -11,10 +11,10 @@ from slosh_model.constants import GRAVITY
 from slosh_model.effects.amplitude_stiffening import frequency_shift
 from slosh_model.measure import measured_heights
 from slosh_model.model import Model
-from slosh_model.multimodal import Tanks, simulate_tanks
 from slosh_model.response import Response
 from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.simulate import Inputs, State, simulate
+from slosh_testing.multimodal import Tanks, simulate_tanks
 
 WIDTH, DEPTH = 0.1, 0.08
 STEP = 0.002

@@ -13,7 +13,7 @@ from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
-from slosh_model.surface import (
+from slosh_testing.surface import (
     bessel_surface,
     motion_axis,
     plane_surface,

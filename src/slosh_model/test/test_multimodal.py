@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from slosh_model.constants import GRAVITY
 from slosh_model.errors import SloshModelError
-from slosh_model.multimodal import Tanks, simulate_tanks
+from slosh_testing.multimodal import Tanks, simulate_tanks
 
 WIDTH, HEIGHT = 0.06, 0.067
 WALLS = (-0.5, 0.5)

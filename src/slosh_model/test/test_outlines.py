@@ -18,7 +18,6 @@ from slosh_model import (
     wall_heights,
 )
 from slosh_model.constants import GRAVITY
-from slosh_model.gradient import peak_gradient
 from slosh_model.mode_table import mode_table
 from slosh_model.model_text import format_model, parse_model
 from slosh_model.outline_wall import MOST_CORNERS, few_corners
@@ -334,21 +333,6 @@ def test_forces_are_those_of_the_turned_container():
     ]
     assert tuple(used[1]) == pytest.approx(tuple(used[0]), rel=1e-5)
     assert StandingMasses.of(Model(jar(SCALENE)), standing).modal.shape == (2, 2)
-
-
-def test_the_gradient_is_that_of_the_heights():
-    model = Model(jar(turned(ISOSCELES, 0.3)))
-    motion = shaken()
-    found = peak_gradient(model, motion)
-    for axis in (0, 1):
-        row, step = found.index // 2, 1e-4
-        ends = []
-        for sign in (-1.0, 1.0):
-            changed = motion.acceleration.copy()
-            changed[row, axis] += sign * step
-            ends.append(peak_gradient(model, Inputs(motion.t, changed)).height)
-        slope = (ends[1] - ends[0]) / (2.0 * step)
-        assert found.gradient[row, axis] == pytest.approx(slope, rel=1e-5, abs=1e-9)
 
 
 def test_a_tray_with_round_corners_is_a_little_lower_than_a_box():

@@ -13,12 +13,12 @@ from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
-from slosh_model.multimodal import Tanks, simulate_tanks
 from slosh_model.self_test import example_parameters
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.simulate import Inputs, State, simulate
-from slosh_model.surface import rectangle_surface, sloshing_height
+from slosh_testing.multimodal import Tanks, simulate_tanks
+from slosh_testing.surface import rectangle_surface, sloshing_height
 
 TM20_GEOMETRIES = {  # width [m]: ω₀ that TM20 identified [rad/s] (Tables 2 and 4)
     0.060: 22.498, 0.040: 27.347, 0.070: 21.001, 0.047: 25.351, 0.079: 19.622, 0.054: 23.729,

@@ -33,7 +33,7 @@ from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.shapes.round_cups import RoundCup
 from slosh_model.shapes.solved import SolvedContainer, solved_modes
-from slosh_model.surface import rectangle_surface, surface_height
+from slosh_testing.surface import rectangle_surface, surface_height
 
 pytestmark = pytest.mark.skipif(
     not finite_elements.available(), reason="scikit-fem is not installed"

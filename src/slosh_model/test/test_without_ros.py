@@ -21,13 +21,12 @@ sys.meta_path.insert(0, Refused())
 import numpy as np
 import slosh_model
 from slosh_model import Cylinder, Inputs, Model, simulate
-from slosh_model.gradient import peak_gradient
 
 assert slosh_model.__file__.startswith(sys.argv[1]), slosh_model.__file__
 t = np.arange(0.0, 0.5, 0.005)
 inputs = Inputs(t, np.outer(np.sin(15.0 * t), [2.0, 0.0, 0.0]))
 model = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
-assert peak_gradient(model, inputs).height == simulate(model, inputs)[0].msh.max() > 0.0
+assert simulate(model, inputs)[0].msh.max() > 0.0
 print("done")
 """
 

@@ -117,13 +117,6 @@ class PlanTuning:
     map_change: float = number(1e-3, "1", "weight of the change from the next lower speed")
     map_slack: float = number(0.01, "1", "part of acceleration and jerk that a design leaves")
     map_halvings: int = number(3, "1", "how often an interval of two speeds is divided")
-    # stopping.py
-    stop_periods: float = number(8.0, "1", "periods of the first mode after the stop")
-    stop_ratio: float = number(1.03, "1", "ratio of two durations that are tried in turn")
-    longest_stop: float = number(10.0, "s", "longest stop that is tried")
-    stop_coarse: float = number(0.004, "s", "sampling of the search")
-    searched: float = number(1.5, "1", "periods of the first mode that the search looks at")
-    stop_rows: int = number(61, "1", "rows of a law that give its acceleration and jerk")
     # governor/governor.py
     governor_rate: float = number(100.0, "Hz", "steps a second, unless another rate is given")
     governor_timeout: float = number(0.1, "s", "time for which a command holds")

@@ -134,8 +134,7 @@ def example_report(verdict: Verdict = Verdict.NAMED) -> DiscoveryReport:
             Command("the better model over a recording", "slosh replay BAG --model model.yaml"),
             Command(
                 "the better model in the running estimator",
-                "ros2 service call /slosh/load_model slosh_msgs/srv/LoadModel"
-                ' "{path: /home/cell/out/model.yaml}"',
+                'slosh call /slosh/load_model "path: /home/cell/out/model.yaml"',
             ),
         ),
         separating_files=files,

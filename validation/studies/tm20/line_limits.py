@@ -25,7 +25,7 @@ from slosh_discovery.identify.validity import count_within
 from slosh_metrics.surface_metrics import line_approximation_error
 from slosh_model.errors import SloshModelError
 from slosh_model.motion_profiles import LAWS, Cycle
-from slosh_model.multimodal import Tanks, simulate_tanks
+from slosh_testing.multimodal import Tanks, simulate_tanks
 
 SLOWEST = 30
 """Below no geometry and no truth comes near the tolerance [1/min]."""

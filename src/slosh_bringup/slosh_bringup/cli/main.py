@@ -48,6 +48,8 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "robot": {
         "cell": "run all nodes on a real robot's topics until Ctrl-C",
+        "node": "run a single node until Ctrl-C, as ros2 run does",
+        "call": "call a service of a running node, as ros2 service call does",
         "mounting": "check a sensor's axes, signs and units against the robot's recorded motion",
         "watch": "serve the operator's page of a running cell or of a recording",
         "plc": "serve a running cell's state over OPC UA, MQTT or Modbus TCP",

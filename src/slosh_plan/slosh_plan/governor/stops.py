@@ -2,7 +2,7 @@
 
 The governor holds a *stop*: accelerations of the coordinates at the rows of a time grid, linear
 between them, that bring the container to rest. A candidate makes one step, of which a share is the
-command's, and stops after it: by a law of `slosh_plan.stopping`, or by the held stop plus such a
+command's, and stops after it: by a cubic velocity with two bumps, or by the held stop plus such a
 law for the difference alone.
 """
 

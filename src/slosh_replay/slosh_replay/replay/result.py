@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -238,50 +237,3 @@ class Judged(Protocol):
     @property
     def accuracy(self) -> tuple[ModelAccuracy, ...]:
         """Accuracy of each model, by model name."""
-
-
-def accuracy_table(results: Sequence[Judged]) -> str:
-    """Formats accuracy and clock offset by run and model as a Markdown table.
-
-    Args:
-        results: runs with the same models.
-    """
-    if not results:
-        return ""
-    names = [row.name for row in results[0].accuracy]
-    heads = ["run", *(f"MAE {name}" for name in names), *(f"ε {name}" for name in names)]
-    lines = [
-        "| " + " | ".join([*heads, "clock offset"]) + " |",
-        "|---" + "|--:" * (2 * len(names) + 1) + "|",
-    ]
-    lines += [_line(result.name, result.accuracy) for result in results]
-    rows = list(zip(*(result.accuracy for result in results), strict=True))
-    sigma = [_mm(_mean([entry.sigma for entry in row])) for row in rows]
-    epsilon = [_percent(_mean([entry.epsilon for entry in row])) for row in rows]
-    size = [f"{100 * _mean([abs(entry.epsilon) for entry in row]):.1f}" for row in rows]
-    blank = [""] * len(names)
-    lines.append("| " + " | ".join(["**mean**", *sigma, *epsilon, ""]) + " |")
-    lines.append("| " + " | ".join(["**mean size**", *blank, *size, ""]) + " |")
-    return "\n".join([*lines, "", "MAE in mm, ε in %, clock offset in s.", ""])
-
-
-def _line(name: str, rows: Sequence[ModelAccuracy]) -> str:
-    last = rows[-1].clock
-    offset = "–"
-    if last is not None:
-        offset = f"{last.offset:.3f}" + ("" if last.unambiguous else " (ambiguous)")
-    cells = [name, *(_mm(row.sigma) for row in rows), *(_percent(row.epsilon) for row in rows)]
-    return "| " + " | ".join([*cells, offset]) + " |"
-
-
-def _mean(values: Sequence[float]) -> float:
-    known = [value for value in values if math.isfinite(value)]
-    return sum(known) / len(known) if known else math.nan
-
-
-def _mm(metres: float) -> str:
-    return f"{1e3 * metres:.2f}"
-
-
-def _percent(fraction: float) -> str:
-    return f"{100.0 * fraction:+.1f}"
