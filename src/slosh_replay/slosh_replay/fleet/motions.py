@@ -26,7 +26,7 @@ from slosh_replay.fleet.motion_row import MotionRow
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording.inputs import STAMP, stamps_of
 from slosh_replay.recording.settings import NodeStart, latest, model_of
-from slosh_replay.recording.sources import CellTopics, recorded_starts
+from slosh_replay.recording.sources import CellTopics
 
 _TYPES = {row.name: row.type for row in topics.TOPICS}
 _FIELDS: Mapping[str, tuple[str, ...]] = {
@@ -93,8 +93,8 @@ def motions_of(path: str | Path) -> list[MotionRow]:
     run = RecordedRun(path)
     rows: list[MotionRow] = []
     has_estimates = False
-    for cell in CellTopics(run.topics).cells:
-        own = CellTopics(run.topics, cell)
+    for cell in run.cell.cells:
+        own = CellTopics(run.reader, cell)
         if own.topic(topics.ESTIMATE, _TYPES[topics.ESTIMATE]) is None:
             continue
         has_estimates = True
@@ -107,7 +107,7 @@ def motions_of(path: str | Path) -> list[MotionRow]:
 
 
 def _motions_of_cell(run: RecordedRun, own: CellTopics, cell: str) -> list[MotionRow]:
-    starts = recorded_starts(run.reader, own)
+    starts = own.starts
     tables = {name: _read(run, own, name, columns) for name, columns in _FIELDS.items()}
     estimates = tables[topics.ESTIMATE]
     finder = MotionFinder()
