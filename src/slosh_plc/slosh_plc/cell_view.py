@@ -1,8 +1,8 @@
 """Collects a cell's ROS messages and creates the cell state for controllers outside ROS.
 
 Time is an argument: steady time [s], and the age of a message by its stamp and the cell's clock
-[s], since a message that comes now may tell of another hour. Messages are those of slosh_msgs, or objects with the same
-fields. One thread may add messages while another asks for the state.
+[s], since a message that comes now may tell of another hour. Messages are those of slosh_msgs, or
+objects with the same fields. One thread may add messages while another asks for the state.
 """
 
 from __future__ import annotations

@@ -101,7 +101,9 @@ def test_an_hour_between_stamps_and_clock_is_bad_and_told(graph, age):
     graph.until(told)
     found = node._view.state(node._view._heard_at)
     assert not found.is_lost
-    assert {found.state.quality, found.calm.quality, found.measured_height.quality} == {Quality.BAD}
+    assert {found.state.quality, found.calm.quality, found.measured_height.quality} == {
+        Quality.BAD
+    }
     assert ("behind" if age > 0.0 else "ahead of") in node._health()[1]
 
 

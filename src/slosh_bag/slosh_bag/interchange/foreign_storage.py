@@ -299,13 +299,11 @@ def _left_out(summary: FileSummary) -> list[str]:
     """Describes attachments and metadata of a file, which an import does not take."""
     kinds = {
         "attachment": [index.name for index in summary.attachments],
-        "metadata record": [
-            index.name for index in summary.metadata if index.name not in DERIVED
-        ],
+        "metadata record": [index.name for index in summary.metadata if index.name not in DERIVED],
     }
     return [
-        f"{len(names)} {kind}{'s' * (len(names) > 1)} left out ({', '.join(names[:_MOST_NAMED])}); "
-        "`slosh recover` keeps all"
+        f"{len(names)} {kind}{'s' * (len(names) > 1)} left out "
+        f"({', '.join(names[:_MOST_NAMED])}); `slosh recover` keeps all"
         for kind, names in kinds.items()
         if names
     ]

@@ -39,8 +39,8 @@ class BagTypes:
             raise SloshBagError(f"the bag has no definition of {message_type!r}")
         if message_type in self._ambiguous:
             raise SloshBagError(
-                f"the bag has two definitions of {message_type} that differ; `slosh import rosbag` "
-                "reads each message by its own and writes them with one"
+                f"the bag has two definitions of {message_type} that differ; `slosh import "
+                "rosbag` reads each message by its own and writes them with one"
             )
         return self._schemas[message_type]
 

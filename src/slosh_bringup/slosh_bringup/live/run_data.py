@@ -138,9 +138,7 @@ def read_run(run: RecordedRun) -> RunData:
     gathered = _Gathered()
     told = {run.cell.told(ending): taker for ending, taker in _TAKERS.items()}
     takers = {
-        topic: taker
-        for topic in topics
-        if (taker := told.get(topic) or _taker(topic)) is not None
+        topic: taker for topic in topics if (taker := told.get(topic) or _taker(topic)) is not None
     }
     seen_estimate = False
     for message in reader.messages(list(takers)):

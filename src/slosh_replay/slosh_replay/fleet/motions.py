@@ -42,6 +42,8 @@ _FIELDS: Mapping[str, tuple[str, ...]] = {
     topics.LIMIT_EVENT: ("kind",),
 }  # fmt: skip
 """Fields that are read of each topic, beside the stamps."""
+OPENING = 20
+"""Samples by which a motion is known again where its bag is cut off behind them."""
 NAN = math.nan
 Columns = Mapping[str, NDArray[Any]]
 
@@ -140,6 +142,7 @@ def _row(
     return MotionRow(
         cell=cell,
         digest=_digest(cell, moving),
+        opening=_digest(cell, moving, OPENING),
         bag=bag,
         container=liquid.shape,
         model_digest=liquid.digest,
@@ -197,8 +200,10 @@ def _calm_time(table: _Table, end_ns: int) -> float:
     return 1e-9 * float(calm[0] - end_ns) if len(calm) else NAN
 
 
-def _digest(cell: str, moving: _Table) -> str:
-    parts = (moving.stamps.astype("<i8"), moving.columns["acceleration"].astype("<f8"))
+def _digest(cell: str, moving: _Table, count: int | None = None) -> str:
+    """Returns the digest of a motion's first samples, by default of all."""
+    stamps, accelerations = moving.stamps[:count], moving.columns["acceleration"][:count]
+    parts = (stamps.astype("<i8"), accelerations.astype("<f8"))
     digest = hashlib.sha256(cell.encode())
     for part in parts:
         digest.update(part.tobytes())
