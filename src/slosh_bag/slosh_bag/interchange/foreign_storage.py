@@ -251,7 +251,7 @@ class FolderStorage:
                 fuller = known if known.msgdef.data else one
                 count = known.msgcount + one.msgcount
                 alike[place] = fuller._replace(id=known.id, msgcount=count)
-                return known.id
+                return int(known.id)
         self._count += 1
         alike.append(one._replace(id=self._count))
         return self._count
