@@ -5,6 +5,7 @@ import pytest
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
+from slosh_bag.playing.play_plan import PlayRequest, make_plan
 from slosh_bag.reader import BagReader
 from slosh_replay.fleet.motions import motions_of
 from slosh_replay.recording.sources import CellTopics, find_sources
@@ -74,3 +75,13 @@ def test_a_missing_remapped_input_is_named_as_the_robot_names_it(tmp_path):
     path = remapped(tmp_path / "own", {"accel": ACCEL}, topics=others)
     with pytest.raises(SloshBagError, match=f"no message of accel .the estimator read {ACCEL}"):
         replay_bag(path)
+
+
+def test_played_inputs_are_those_that_the_nodes_told(tmp_path):
+    path = remapped(tmp_path / "own", ALL)
+    reader = BagReader(path)
+    cells = [CellTopics(reader, cell) for cell in CellTopics(reader).cells]
+    told = frozenset(cell.told("accel") for cell in cells)
+    assert told == {ACCEL}
+    plan = make_plan(PlayRequest(path, inputs=True, told_inputs=told))
+    assert set(plan.topics) == {ACCEL}
