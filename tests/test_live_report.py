@@ -2,12 +2,16 @@
 
 import json
 import math
+from pathlib import Path
 
 import pytest
 
+from slosh_bag.errors import SloshBagError
 from slosh_bringup.live.report import REPORT, RESULT, make_live_report
 from slosh_camera.measurement import Flag
 from slosh_testing.live_bag import MS, LiveBag
+
+BAGS = Path(__file__).parents[1] / "bags"
 
 
 def written(folder, problems, *, began=True):
@@ -91,3 +95,15 @@ def test_no_bag_at_all_is_a_report_too(tmp_path):
     assert found.reasons[1].startswith("nothing was recorded: ")
     assert "node recorder ended" in (tmp_path / REPORT).read_text()
     assert json.loads((tmp_path / RESULT).read_text())["nothing_because"] == list(found.reasons)
+
+
+def test_a_recording_that_cannot_be_replayed_is_a_failure(monkeypatch):
+    def refused(*_, **__):
+        raise SloshBagError("holds no message of accel")
+
+    monkeypatch.setattr("slosh_bringup.live.report.replay_bag", refused)
+    found = make_live_report(BAGS / "l", "Cell", began=True, events=False)
+    assert found.result.figures.compared > 300
+    assert found.result.failures == ("not replayed: holds no message of accel",)
+    assert found.result.failures[0] in found.result.warnings
+    assert found.result.failures[0] in found.page

@@ -1,6 +1,7 @@
 """Tests that recordings without a known start continue from a recorded state."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from slosh_bag.reader import BagReader
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.constants import GRAVITY
 from slosh_replay.replay import replay_bag
+from slosh_replay.replay.known_state import LATER
 from slosh_testing.live_bag import MODEL, START, LiveBag
 from tests.test_replay_verification import TANK
 
@@ -190,3 +192,24 @@ def test_inputs_that_are_lacking_for_long_at_the_end_are_told(tmp_path):
     found = replay_bag(live.write(tmp_path / "bag")).verification
     assert not found.exact
     assert found.missing > 300
+
+
+@pytest.mark.parametrize("kind", ["accel", "pose"])
+def test_a_state_behind_the_last_input_is_no_fault(kind, tmp_path):
+    live = LiveBag(kind)
+    live.states = True
+    live.unheard = range(1440, 1460)  # unknown from there to the state at the end
+    result = replay_bag(live.write(tmp_path / "bag", 1.002))
+    assert result.verification.exact, result.verification.lines()
+    assert LATER in result.verification.unchecked
+
+
+def test_a_few_long_intervals_are_not_the_rate_of_the_input(tmp_path):
+    """Of a busy machine: 40 ms without a message every 60 ms, in the last tenth of the run."""
+    live = LiveBag()
+    live.checks, live.pose_window = True, 0.0
+    live.unheard = live.unused = [k for k in range(2250, 2500) if k % 30 < 20]
+    result = replay_bag(live.write(tmp_path / "bag"))
+    assert result.verification.exact, result.verification.lines()
+    (line,) = result.warnings
+    assert re.search(r"at \d+ of 2330 samples accelerations arrive at 2\d.* Hz: the gain", line)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+
+from mcap.records import AttachmentIndex, Metadata
 
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
@@ -81,6 +83,7 @@ class BagWriter:
         self._ended: list[FileFacts] = []
         self._unfinished: list[McapFile] = []
         self._has_news = False
+        self._kept: list[Metadata] = []
         self._file: McapFile | None = None
         self._began_ns: int | None = None
         self._noted = 0  # topics in metadata.yaml
@@ -163,6 +166,20 @@ class BagWriter:
         self._custom[name] = value
         self._has_news = True
 
+    def keep(self, record: Metadata) -> None:
+        """Stores another program's metadata record, once, in all files finished later."""
+        if record not in self._kept:
+            self._kept.append(record)
+            self._has_news = True
+
+    def attach(self, index: AttachmentIndex, content: Iterable[bytes]) -> None:
+        """Copies another file's attachment to the present file; see `McapFile.attach`.
+
+        Raises:
+            OSError: the system refuses to write.
+        """
+        (self._file or self.resume()).attach(index, content)
+
     def forget_deleted(self) -> int:
         """Removes deleted files from the bag's records; later messages go to a new file.
 
@@ -184,7 +201,14 @@ class BagWriter:
             self.folder.mkdir(parents=True, exist_ok=True)
         return lost
 
-    def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int | None = None) -> None:
+    def write(
+        self,
+        topic: str,
+        data: bytes,
+        log_ns: int,
+        publish_ns: int | None = None,
+        sequence: int | None = None,
+    ) -> None:
         """Appends a serialised message to the bag.
 
         Args:
@@ -192,6 +216,7 @@ class BagWriter:
             data: CDR bytes, written as they are.
             log_ns: when it was received [ns].
             publish_ns: when it was sent [ns]; None: as log_ns.
+            sequence: its number; None: it is counted.
 
         Raises:
             OSError: the system refuses to write: `abandon` the file.
@@ -204,7 +229,8 @@ class BagWriter:
             self._began_ns = log_ns
         number = self._counts[topic]
         sent_ns = log_ns if publish_ns is None else publish_ns
-        file.add(self._topics[topic].channel, number, log_ns, sent_ns, data)
+        noted = number if sequence is None else sequence
+        file.add(self._topics[topic].channel, noted, log_ns, sent_ns, data)
         self._counts[topic] = number + 1
         if file.full:
             file.flush()
@@ -279,7 +305,7 @@ class BagWriter:
 
     def _end(self) -> None:
         if self._file is not None:
-            self._file.finish(self._custom)
+            self._file.finish(self._custom, self._kept)
             self._ended.append(_facts(self._file))
             self._file = None
 
@@ -296,7 +322,7 @@ class BagWriter:
         """Finishes the files that were abandoned after a write error."""
         while self._unfinished:
             file = self._unfinished[0]
-            file.finish(self._custom)
+            file.finish(self._custom, self._kept)
             del self._unfinished[0]
 
     def _register(self, file: McapFile, name: str, topic: _Topic) -> None:

@@ -269,6 +269,21 @@ class BagReader:
         Raises:
             SloshBagError: a file is no MCAP file, or damaged in its middle.
         """
+        return (message for _, message in self.channel_messages(topics))
+
+    def channel_messages(
+        self, topics: Collection[str] | None = None
+    ) -> Iterator[tuple[int, BagMessage]]:
+        """Yields the messages as `messages` does, each with the id of its channel in its file.
+
+        An unfinished or cut file gives its whole chunks, and a line in `warnings`.
+
+        Args:
+            topics: only these; None: all.
+
+        Raises:
+            SloshBagError: a file is no MCAP file, or damaged in its middle.
+        """
         newest = 0
         for file in self.files:
             walk = McapWalk(file)
@@ -318,15 +333,19 @@ class BagReader:
         self._warn(walk.warnings)
         return walk.found
 
-    def _merged(self, walk: McapWalk, topics: Collection[str] | None) -> Iterator[BagMessage]:
+    def _merged(
+        self, walk: McapWalk, topics: Collection[str] | None
+    ) -> Iterator[tuple[int, BagMessage]]:
         """Yields the messages of an unsorted file in the order of log times."""
         names: dict[int, tuple[str, str]] = {}
         for chunk, row in self._merged_rows(walk, topics):
             names = names or _names(walk.found, topics)
-            topic, kind = names[int(chunk.channel[row])]
+            number = int(chunk.channel[row])
+            topic, kind = names[number]
             start = int(chunk.start[row])
             data = chunk.raw[start : start + int(chunk.length[row])]
-            yield BagMessage(topic, kind, int(chunk.log_ns[row]), int(chunk.publish_ns[row]), data)
+            times = int(chunk.log_ns[row]), int(chunk.publish_ns[row])
+            yield number, BagMessage(topic, kind, *times, data)
 
     def _merged_rows(
         self, walk: McapWalk, topics: Collection[str] | None
@@ -401,7 +420,9 @@ def _blocks(found: Found, chunk: Chunk, topics: Collection[str] | None) -> Itera
             )
 
 
-def _messages(found: Found, chunk: Chunk, topics: Collection[str] | None) -> Iterator[BagMessage]:
+def _messages(
+    found: Found, chunk: Chunk, topics: Collection[str] | None
+) -> Iterator[tuple[int, BagMessage]]:
     names, raw = _names(found, topics), chunk.raw
     columns = chunk.channel, chunk.log_ns, chunk.publish_ns, chunk.start, chunk.length
     for first in range(0, len(chunk), _BATCH):
@@ -409,7 +430,8 @@ def _messages(found: Found, chunk: Chunk, topics: Collection[str] | None) -> Ite
         for number, log_ns, publish_ns, start, length in zip(*batch, strict=True):
             if number in names:
                 topic, kind = names[number]
-                yield BagMessage(topic, kind, log_ns, publish_ns, raw[start : start + length])
+                data = raw[start : start + length]
+                yield number, BagMessage(topic, kind, log_ns, publish_ns, data)
 
 
 def _reason(error: BaseException) -> str:

@@ -138,7 +138,7 @@ class Recorder:
         free: free space on a folder's disk [bytes].
 
     Raises:
-        SloshBagError: the folder holds files, or cannot be made.
+        SloshBagError: the folder holds files, another recorder writes in it, or it cannot be made.
     """
 
     def __init__(
@@ -148,7 +148,12 @@ class Recorder:
         clock: Callable[[], float] = time.monotonic,
         free: Callable[[Path], int] = free_space,
     ) -> None:
-        self._writer = BagWriter(folder, split=split, level=FAST)
+        self._held = HeldFolder.made(folder)
+        try:
+            self._writer = BagWriter(folder, split=split, level=FAST)
+        except BaseException:
+            self._held.release()
+            raise
         self._clock = clock
         self._free_space = free
         self._queue: deque[_Message | _Topic] = deque()
@@ -165,7 +170,6 @@ class Recorder:
         self._failed_at = self._retry_at = 0.0
         self._interruptions = 0
         self._free = 0
-        self._held = HeldFolder(folder)
         self._reserve = folder / RESERVE
         self._take_reserve()
         self._sizes: deque[tuple[float, int]] = deque(maxlen=RATE_PERIOD)

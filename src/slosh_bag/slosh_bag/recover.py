@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from mcap.records import Channel, Header, Schema
@@ -14,12 +14,13 @@ from mcap.stream_reader import StreamReader
 from slosh_bag.bag_writer import PROFILE, BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.bag_facts import DERIVED
 from slosh_bag.mcap_files.bag_facts import NAME as FACTS
 from slosh_bag.mcap_files.bag_folder import bag_folder, check_no_other, folder_facts, ordered_files
 from slosh_bag.mcap_files.bag_metadata import Qos
 from slosh_bag.mcap_files.bag_types import BagTypes
 from slosh_bag.mcap_files.checksum import CHECKSUM, checksum_of
-from slosh_bag.mcap_files.chunks import Chunk
+from slosh_bag.mcap_files.chunks import Chunk, sequence_of
 from slosh_bag.mcap_files.mcap_walk import McapWalk
 from slosh_bag.reader import DAMAGE
 from slosh_base.files import check_outside, new_folder
@@ -27,6 +28,7 @@ from slosh_base.files.errors import YamlError
 from slosh_base.files.yaml_document import parse_yaml
 
 Progress = Callable[[int], object]
+_PART = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,6 +171,17 @@ def _profile(file: Path) -> str:
         return PROFILE
 
 
+def _parts(stream: BinaryIO, start: int, length: int) -> Iterator[bytes]:
+    """Yields the bytes of a part of a file."""
+    stream.seek(start)
+    while length:
+        part = stream.read(min(length, _PART))
+        if not part:
+            raise OSError(None, "the file has become shorter", stream.name)
+        length -= len(part)
+        yield part
+
+
 @dataclass(slots=True)
 class _Copy:
     """The recovered bag that is being written, and the losses found."""
@@ -201,7 +214,17 @@ class _Copy:
             progress(chunk.position + chunk.stored - done)
             done = chunk.position + chunk.stored
         progress(walk.size - done)
+        self.keep(file, walk)
         self.tell(file, walk)
+
+    def keep(self, file: Path, walk: McapWalk) -> None:
+        """Copies attachments and metadata of other programs."""
+        for record in walk.found.metadata:
+            if record.name not in DERIVED:
+                self.writer.keep(record)
+        with file.open("rb") as stream:
+            for index in walk.found.attachments:
+                self.writer.attach(index, _parts(stream, index.offset, index.length + 4))
 
     def topic(self, file: Path, walk: McapWalk, number: int) -> str | None:
         """Registers the topic of a channel; returns its name, or None if it cannot be written."""
@@ -229,7 +252,7 @@ class _Copy:
             topic = topics[number]
             if topic is not None:
                 data = chunk.raw[start : start + length]
-                self.writer.write(topic, data, log_ns, publish_ns)
+                self.writer.write(topic, data, log_ns, publish_ns, sequence_of(chunk, start))
 
     def tell(self, file: Path, walk: McapWalk) -> None:
         """Adds notes about the messages that a file has lost."""

@@ -1,6 +1,8 @@
 """Tests folders of event bags: number, contents, full disks and earlier recorders."""
 
 import errno
+import subprocess
+import sys
 import tracemalloc
 
 import pytest
@@ -11,6 +13,7 @@ from slosh_bag.bag_writer import Qos
 from slosh_bag.black_box.black_box import EVENTS, Cause, Happening, Windows
 from slosh_bag.black_box.event_bags import EventRecorder, KeptBag, noted_events, superfluous
 from slosh_bag.errors import SloshBagError
+from slosh_bag.held_folder import is_held
 from slosh_bag.mcap_files.mcap_file import McapFile
 from slosh_bag.reader import BagReader
 from slosh_bag.recorder import Recorder
@@ -237,3 +240,45 @@ def test_a_quota_that_is_too_small_for_an_event_is_told(tmp_path):
     hear(roomy, 5, 9)
     roomy.close()
     assert roomy.shortage == ""
+
+
+@pytest.mark.parametrize("kind", ["events", "complete"])
+def test_a_second_recorder_in_one_folder_is_refused_and_changes_nothing(tmp_path, kind):
+    first = recorder_of(tmp_path, per_cause=1)
+    with pytest.raises(SloshBagError, match="another recorder writes in it; choose another"):
+        Recorder(tmp_path) if kind == "complete" else recorder_of(tmp_path, per_cause=1)
+    assert names(tmp_path) == []
+    hear(first, 0, 10)
+    happen(first)
+    with pytest.raises(SloshBagError, match=f"{tmp_path}: "):
+        Recorder(tmp_path) if kind == "complete" else recorder_of(tmp_path, per_cause=1)
+    hear(first, 10, 20)
+    first.close()
+    assert names(tmp_path) == ["0001_limit"]
+    assert len(list(BagReader(tmp_path / "0001_limit").messages())) > 20
+
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from slosh_bag.black_box.event_bags import EventRecorder
+from slosh_bag.black_box.black_box import Windows
+recorder = EventRecorder(Path(sys.argv[1]), Windows(1, 1, 10**8, 10**8), 9, 10**9)
+print("held", flush=True)
+time.sleep(600)
+"""
+
+
+def test_a_lock_goes_with_its_process_even_if_that_is_killed(tmp_path):
+    other = subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(tmp_path)], stdout=subprocess.PIPE, text=True
+    )
+    assert other.stdout.readline() == "held\n"
+    assert is_held(tmp_path)
+    with pytest.raises(SloshBagError, match="another recorder writes in it"):
+        recorder_of(tmp_path)
+    other.kill()
+    other.wait()
+    other.stdout.close()
+    assert not is_held(tmp_path)
+    recorder_of(tmp_path).close()

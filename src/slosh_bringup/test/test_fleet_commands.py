@@ -51,7 +51,8 @@ def months(tmp_path_factory):
     rows = []
     for number in range(90):
         own = {
-            "cell": "line_1", "digest": f"{number:064x}", "bag": f"/bags/<{number}>",
+            "cell": "line_1", "digest": f"{number:064x}", "opening": f"{number:x}",
+            "bag": f"/bags/<{number}>",
             "container": "cylinder", "model_digest": "ab" if number % 3 else "cd",
             "begin_ns": begin + number * DAY_NS // 2, "natural_frequency": 19.0 - 0.01 * number,
             "measured_limit": 0.02, "estimated_limit": 0.005 if number == 20 else 0.02,

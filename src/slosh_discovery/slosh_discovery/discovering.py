@@ -34,7 +34,7 @@ from slosh_model.model_text import format_model, read_model
 from slosh_model.simulate import Inputs
 from slosh_model.tilt import attitude_of, ignored_text, ignored_tilt
 from slosh_replay.recording import settings
-from slosh_replay.recording.sources import CellTopics, recorded_starts
+from slosh_replay.recording.sources import CellTopics
 from slosh_tables.motion_table import MotionTable, is_motion_table, write_motion_table
 from slosh_tables.text_table.options import FOUND_OUT, TableOptions
 
@@ -227,7 +227,7 @@ def recorded_model(bag: Path) -> Model:
     bags = [path for path in files_at(bag) if not is_motion_table(path)]
     for path in reversed(bags):
         try:
-            started = settings.latest(recorded_starts(BagReader(path)), "estimator")
+            started = settings.latest(CellTopics(BagReader(path)).starts, "estimator")
         except SloshBagError:
             if len(bags) == 1:
                 raise
@@ -332,7 +332,7 @@ def recorded_cell(data: Sequence[Path]) -> str:
         inside = sorted(path.iterdir()) if path.is_dir() else []
         for item in (path, *inside):
             if item.suffix == ".mcap" or (item.is_dir() and any(item.glob("*.mcap"))):
-                cells = CellTopics(BagReader(item).topics()).cells
+                cells = CellTopics(BagReader(item)).cells
                 return cells[0] if cells else CELL
     return CELL
 

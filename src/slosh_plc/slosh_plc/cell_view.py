@@ -1,7 +1,8 @@
 """Collects a cell's ROS messages and creates the cell state for controllers outside ROS.
 
-Time is an argument: steady time [s]. Messages are those of slosh_msgs, or objects with the same
-fields. One thread may add messages while another asks for the state.
+Time is an argument: steady time [s], and the age of a message by its stamp and the cell's clock
+[s], since a message that comes now may tell of another hour. Messages are those of slosh_msgs, or
+objects with the same fields. One thread may add messages while another asks for the state.
 """
 
 from __future__ import annotations
@@ -51,34 +52,46 @@ class CellView:
         self._limits: dict[str, Reading] = {}
         self._events: Counter[str] = Counter()
 
-    def take_comparison(self, message: Any, now: float) -> None:
-        """Stores a SloshComparison message with its arrival time [s] (monotonic clock)."""
+    def take_comparison(self, message: Any, now: float, age: float) -> None:
+        """Stores a SloshComparison message.
+
+        A monitor without inputs repeats their last stamp, with the state STALE: that is good.
+
+        Args:
+            message: the message.
+            now: its arrival time [s] (monotonic clock).
+            age: of its stamp [s].
+        """
         known = message.state in tuple(Condition)
         condition = Condition(message.state) if known else Condition.BLIND
-        doubtful = condition is Condition.BLIND
+        doubtful, old = condition is Condition.BLIND, is_old(age)
+        if old and condition not in _BLIND:
+            condition, known = Condition.STALE, False
+        quality = Quality.GOOD if known else Quality.BAD
         compared = {
-            "state": Reading(condition, Quality.GOOD if known else Quality.BAD),
-            "blind": Reading(condition in _BLIND, Quality.GOOD if known else Quality.BAD),
+            "state": Reading(condition, quality),
+            "blind": Reading(condition in _BLIND, quality),
             "measured_height": _height(
-                message.measured, doubtful or message.measured_flags, message.measured_stale
+                message.measured, doubtful or message.measured_flags, message.measured_stale or old
             ),
             "estimated_height": _height(
                 message.estimated_nonlinear,
                 doubtful or message.estimate_flags,
-                message.estimate_stale,
+                message.estimate_stale or old,
             ),
         }
         with self._lock:
             self._compared, self._heard_at = compared, now
 
-    def take_fused(self, message: Any, now: float) -> None:
-        """Stores a FusedEstimate message with its arrival time [s] (monotonic clock)."""
+    def take_fused(self, message: Any, now: float, age: float) -> None:
+        """Stores a FusedEstimate message with its arrival time and the age of its stamp [s]."""
+        height = _height(message.msh, not message.trusted, is_old(age))
         with self._lock:
-            self._fused, self._fused_at = _height(message.msh, not message.trusted, False), now
+            self._fused, self._fused_at = height, now
 
-    def take_calm(self, message: Any, now: float) -> None:
-        """Stores a Calm message with its arrival time [s] (monotonic clock)."""
-        stale = message.reason == CalmReason.STALE
+    def take_calm(self, message: Any, now: float, age: float) -> None:
+        """Stores a Calm message with its arrival time and the age of its stamp [s]."""
+        stale = message.reason == CalmReason.STALE or is_old(age)
         unsure = message.reason == CalmReason.UNSURE
         time = _number(message.time_until_calm, unsure)
         if stale or time.value < 0.0:
@@ -129,6 +142,11 @@ class CellView:
         known["heartbeat"] = Reading(beat, Quality.GOOD)
         lost = {signal.name: Reading(signal.lost, Quality.BAD) for signal in SIGNALS}
         return CellState(is_lost, **{**lost, **known})
+
+
+def is_old(age: float) -> bool:
+    """Returns whether a stamp of such an age [s] is not of the present, or of the future."""
+    return not abs(age) <= TUNING.oldest
 
 
 def _number(value: float, doubtful: object = False) -> Reading:

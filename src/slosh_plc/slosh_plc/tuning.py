@@ -12,6 +12,7 @@ class PlcTuning:
     """Time constants of the servers, which report within 1 s that a cell's messages stopped."""
 
     silence: float = number(0.75, "s", "time without a message after which its values are bad")
+    oldest: float = number(2.0, "s", "age of a stamp, or time ahead, from which a value is bad")
     period: float = number(0.1, "s", "time between two updates of OPC UA and MQTT")
     retry: float = number(2.0, "s", "time between two attempts to reach an MQTT broker")
     keep_alive: int = number(1, "s", "keep-alive time that an MQTT broker is told")

@@ -44,9 +44,9 @@ def calm(**given):
 def seen(*, now=10.0, **given):
     """The state just after everything was heard once."""
     view = CellView(0.0)
-    view.take_comparison(comparison(**given), now)
-    view.take_calm(calm(), now)
-    view.take_fused(SimpleNamespace(msh=0.0045, trusted=True), now)
+    view.take_comparison(comparison(**given), now, 0.1)
+    view.take_calm(calm(), now, 0.1)
+    view.take_fused(SimpleNamespace(msh=0.0045, trusted=True), now, 0.1)
     view.take_parameters("monitor", {"measured_limit": 0.02, "estimated_limit": 0.03})
     return view
 
@@ -77,8 +77,32 @@ def test_a_lost_cell_is_bad_within_a_second_and_never_ok():
     assert (state.state.value, state.blind.value, state.calm.value) == (Condition.STALE, 1, 0)
     assert math.isnan(state.estimated_height.value)
     assert state.measured_events.value == 0
-    view.take_comparison(comparison(), 12.0)
+    view.take_comparison(comparison(), 12.0, 0.1)
     assert view.state(12.0).state == Reading(Condition.OK, GOOD)
+
+
+@pytest.mark.parametrize("age", [2.1, 3600.0, 1.7e9, -2.1, math.nan])
+def test_what_is_stamped_at_another_time_is_bad_however_it_comes(age):
+    view = seen()
+    view.take_comparison(comparison(), 10.1, age)
+    view.take_calm(calm(), 10.1, age)
+    view.take_fused(SimpleNamespace(msh=0.0045, trusted=True), 10.1, age)
+    state = view.state(10.1)
+    names = ("state", "blind", "measured_height", "estimated_height", "fused_height", "calm",
+             "time_until_calm")  # fmt: skip
+    assert {state.readings()[name].quality for name in names} == {BAD}
+    assert (state.state.value, state.blind.value, state.calm.value) == (Condition.STALE, 1, 0)
+    assert math.isnan(state.estimated_height.value)
+    view.take_comparison(comparison(), 10.2, 1.9)
+    assert view.state(10.2).state == Reading(Condition.OK, GOOD)
+
+
+def test_a_monitor_without_inputs_says_so_with_good_quality_however_old_they_are():
+    view = seen()
+    view.take_comparison(comparison(state=Condition.STALE), 10.1, 3600.0)
+    state = view.state(10.1)
+    assert (state.state, state.blind) == (Reading(Condition.STALE, GOOD), Reading(True, GOOD))
+    assert state.estimated_height.quality is BAD
 
 
 def test_before_the_first_message_a_cell_is_lost():
@@ -129,7 +153,7 @@ def test_a_state_that_the_monitor_does_not_have_is_bad():
 )
 def test_calm_has_the_quality_of_its_reason(told, flag, wait):
     view = seen()
-    view.take_calm(calm(**told), 10.0)
+    view.take_calm(calm(**told), 10.0, 0.1)
     state = view.state(10.0)
     assert state.calm == Reading(told.get("calm", True) and flag is not BAD, flag)
     assert (state.time_until_calm.quality is BAD) == (wait is None)
@@ -138,7 +162,7 @@ def test_calm_has_the_quality_of_its_reason(told, flag, wait):
 
 def test_a_silent_observer_is_bad_though_the_monitor_goes_on():
     view = seen()
-    view.take_comparison(comparison(), 12.0)
+    view.take_comparison(comparison(), 12.0, 0.1)
     state = view.state(12.0)
     assert not state.is_lost
     assert {state.fused_height.quality, state.calm.quality} == {BAD}
@@ -163,9 +187,9 @@ def test_the_heartbeat_advances_with_time_alone():
 @given(ANY, ANY, ANY, ANY, st.integers(0, 255), st.integers(0, 255))
 def test_whatever_is_heard_every_server_can_tell_it(a, b, c, d, state, reason):
     view = CellView(0.0)
-    view.take_comparison(comparison(measured=a, estimated_nonlinear=b, state=state), 1.0)
-    view.take_fused(SimpleNamespace(msh=c, trusted=True), 1.0)
-    view.take_calm(calm(reason=reason, time_until_calm=d), 1.0)
+    view.take_comparison(comparison(measured=a, estimated_nonlinear=b, state=state), 1.0, 0.1)
+    view.take_fused(SimpleNamespace(msh=c, trusted=True), 1.0, 0.1)
+    view.take_calm(calm(reason=reason, time_until_calm=d), 1.0, 0.1)
     view.take_event(SimpleNamespace(kind=reason, source=state))
     found = view.state(1.0)
     for signal in SIGNALS:

@@ -9,11 +9,13 @@ import time
 
 import pytest
 import rclpy
+from std_msgs.msg import Header
 
 from slosh_bringup.processes import NodeProcess, node_environment
 from slosh_estimator.comparison import Condition
 from slosh_msgs.msg import Calm, LimitEvent, NodeSettings, SloshComparison
 from slosh_msgs_py import qos, topics
+from slosh_msgs_py.stamps import to_time
 from slosh_plc.cell_state import REGISTERS, Quality
 from slosh_plc.errors import SloshPlcError
 from slosh_plc.modbus import registers
@@ -43,10 +45,15 @@ def serve(graph, **given):
     return graph.with_parameters(PlcNode, CELL, **own)
 
 
-def comparison(height=0.004):
+def header(age=0.0):
+    return Header(stamp=to_time(time.time_ns() - round(age * 1e9)))
+
+
+def comparison(height=0.004, age=0.0):
     return SloshComparison(
-        state=int(Condition.WARN), measured=height, estimated_nonlinear=2.0 * height
-    )
+        header=header(age), state=int(Condition.WARN), measured=height,
+        estimated_nonlinear=2.0 * height,
+    )  # fmt: skip
 
 
 def test_what_the_cell_says_is_served_and_a_silent_one_is_lost(graph):
@@ -61,7 +68,7 @@ def test_what_the_cell_says_is_served_and_a_silent_one_is_lost(graph):
 
     def state():
         compare.publish(comparison())
-        calm.publish(Calm(calm=True, time_until_calm=0.0))
+        calm.publish(Calm(header=header(), calm=True, time_until_calm=0.0))
         return node._view.state(max(node._view._heard_at, 0.0))
 
     graph.until(
@@ -78,6 +85,26 @@ def test_what_the_cell_says_is_served_and_a_silent_one_is_lost(graph):
     assert len(registers(found)) == REGISTERS
     graph.until(lambda: node._servers._state().is_lost, "the loss")
     assert "values have bad quality" in node._health()[1]
+
+
+@pytest.mark.parametrize("age", [3600.0, -3600.0])
+def test_an_hour_between_stamps_and_clock_is_bad_and_told(graph, age):
+    node = serve(graph)
+    compare = graph.publisher(SloshComparison, topics.COMPARISON)
+    calm = graph.publisher(Calm, topics.CALM)
+
+    def told():
+        compare.publish(comparison(age=age))
+        calm.publish(Calm(header=header(age), calm=True))
+        return "stamps are 3.6e+03 s" in node._health()[1]
+
+    graph.until(told)
+    found = node._view.state(node._view._heard_at)
+    assert not found.is_lost
+    assert {found.state.quality, found.calm.quality, found.measured_height.quality} == {
+        Quality.BAD
+    }
+    assert ("behind" if age > 0.0 else "ahead of") in node._health()[1]
 
 
 def test_messages_that_waited_while_the_node_stood_still_are_not_new(graph):

@@ -24,6 +24,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import count
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -42,6 +43,8 @@ from slosh_base.files.yaml_document import (
 )
 
 NAME = "manifest.yaml"
+MODELS = "models"
+"""Folder beside the manifest for copies of model files that lie elsewhere."""
 EXACT = "exact"
 SOURCES = ("measured", "estimated", "disagreement")
 _KEYS = (
@@ -90,7 +93,7 @@ class Expectation:
         sigma: mean absolute error by model [m].
         epsilon: relative error of the maximum by model [1].
         events: excesses of limits, in order.
-        warnings: a part of each warning that must and may come.
+        warnings: a part of each warning that must and may come; None: any may come.
     """
 
     shows: str = ""
@@ -101,7 +104,7 @@ class Expectation:
     sigma: Mapping[str, ExpectedNumber] = field(default_factory=dict)
     epsilon: Mapping[str, ExpectedNumber] = field(default_factory=dict)
     events: tuple[ExpectedEvent, ...] | None = None
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[str, ...] | None = ()
 
 
 def read_manifest(path: Path) -> dict[str, Expectation]:
@@ -159,8 +162,8 @@ def _kept(old: Expectation | None, new: Expectation) -> Expectation:
     if old is None:
         return new
     texts = tuple(
-        next((text for text in old.warnings if text in warning), warning)
-        for warning in new.warnings
+        next((text for text in old.warnings or () if text in warning), warning)
+        for warning in new.warnings or ()
     )
     return replace(
         new,
@@ -184,7 +187,7 @@ def _tolerant(
 def _document(path: Path, bag: Expectation) -> dict[str, Any]:
     model = None
     if bag.model is not None:
-        model = Path(os.path.relpath(bag.model, path.parent)).as_posix()
+        model = Path(os.path.relpath(_beside(path, bag.model), path.parent)).as_posix()
     estimates = None if bag.tolerance is None else (bag.tolerance or EXACT)
     document: dict[str, Any] = {
         "shows": bag.shows, "model": model, "estimates": estimates, "images": bag.images,
@@ -192,9 +195,29 @@ def _document(path: Path, bag: Expectation) -> dict[str, Any]:
         "sigma": {name: _pair(value) for name, value in bag.sigma.items()},
         "epsilon": {name: _pair(value) for name, value in bag.epsilon.items()},
         "events": None if bag.events is None else [_event_document(e) for e in bag.events],
-        "warnings": list(bag.warnings),
+        "warnings": list(bag.warnings or ()),
     }  # fmt: skip
     return {key: value for key, value in document.items() if value not in (None, {}, "")}
+
+
+def _beside(path: Path, model: Path) -> Path:
+    """Returns a model file below the manifest's folder; copies one that lies elsewhere.
+
+    So the folder can be copied to another machine.
+    """
+    if model.resolve().is_relative_to(path.parent.resolve()) or not model.is_file():
+        return model
+    text = model.read_text(encoding="utf-8")
+    folder = path.parent / MODELS
+    folder.mkdir(exist_ok=True)
+    for number in count(1):
+        end = "" if number == 1 else f"_{number}"
+        place = folder / f"{model.stem}{end}{model.suffix}"
+        if not place.exists():
+            write_text(place, text)
+        if place.read_text(encoding="utf-8") == text:
+            break
+    return place
 
 
 def _event_document(event: ExpectedEvent) -> dict[str, Any]:

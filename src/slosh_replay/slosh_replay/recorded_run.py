@@ -9,7 +9,7 @@ from pathlib import Path
 from slosh_bag.mcap_files.remote_path import bag_path
 from slosh_bag.reader import BagReader, TopicInfo
 from slosh_replay.recording.settings import NodeStart
-from slosh_replay.recording.sources import CellTopics, recorded_starts
+from slosh_replay.recording.sources import CellTopics
 
 
 class RecordedRun:
@@ -45,6 +45,11 @@ class RecordedRun:
         return self.reader.metadata()
 
     @cached_property
+    def cell(self) -> CellTopics:
+        """The topics of the recording's first cell."""
+        return CellTopics(self.reader)
+
+    @property
     def starts(self) -> tuple[NodeStart, ...]:
         """The settings messages of the nodes in the recording's first cell."""
-        return tuple(recorded_starts(self.reader, CellTopics(self.topics)))
+        return self.cell.starts

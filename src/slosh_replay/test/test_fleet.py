@@ -44,6 +44,7 @@ def row(number=0, **given):
     whole = {column.name: 0 for column in COLUMNS if column.type == "int"}
     texts = {"cell": "line_1", "digest": f"{number:064x}", "bag": "/bags/a", "container": "cup"}
     own = {"model_digest": "m", "begin_ns": BEGIN_NS + number * DAY_NS}
+    texts["opening"] = given.get("digest", texts["digest"])
     return MotionRow(**{**numbers, **whole, **texts, **own, **given})
 
 
@@ -197,6 +198,91 @@ def test_a_place_that_cannot_be_reached_is_named(url):
     except SloshBagError as error:
         assert str(error).startswith(f"{url}: ")
         assert "\n" not in str(error)
+
+
+@needs_duckdb
+@pytest.mark.parametrize("whole_first", [False, True])
+def test_a_motion_of_a_cut_bag_and_of_the_whole_one_stands_once(tmp_path, whole_first):
+    """The cut is in the midst of the motion; the longer one counts, in any order."""
+    whole = BAGS / "l"
+    cut = shutil.copytree(whole, tmp_path / "cut")
+    (file,) = cut.glob("*.mcap")
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 3])
+    (long,), (short,) = motions_of(whole), motions_of(cut)
+    assert short.duration < 0.9 * long.duration
+    assert (short.digest != long.digest, short.opening) == (True, long.opening)
+    store = FleetStore(str(tmp_path / "store"))
+    for bag in (whole, cut) if whole_first else (cut, whole):
+        assert ingest(bag, store).new == 1
+    assert query(store, "SELECT duration, bag FROM motions").rows == [(long.duration, str(whole))]
+
+
+@needs_duckdb
+@pytest.mark.parametrize("cell", ["a=b", "a%3Db", "a b", "ä", "..", "month=2026-01"])
+def test_a_cell_may_have_any_name(tmp_path, cell):
+    store = FleetStore(str(tmp_path))
+    store.add([row(0), row(1, cell=cell)])
+    assert query(store, "SELECT cell FROM motions ORDER BY begin_ns").rows == [
+        ("line_1",), (cell,)
+    ]  # fmt: skip
+    with MotionTable(store, loaded=["cell", "month"]) as table:
+        assert table.query("SELECT count(*) FROM motions WHERE cell = ?", [cell]).rows == [(1,)]
+
+
+@needs_duckdb
+@pytest.mark.parametrize("loaded", [(), ("duration",)])
+@pytest.mark.parametrize("damage", ["end", "data", "empty", "no parquet"])
+def test_a_damaged_file_is_named_and_the_others_answer(tmp_path, damage, loaded):
+    store = FleetStore(str(tmp_path))
+    for number in range(3):
+        store.add([row(number)])
+    victim = tmp_path / files(tmp_path)[1]
+    data = victim.read_bytes()
+    footer = int.from_bytes(data[-8:-4], "little") + 8
+    parts = {
+        "end": data[:-400] + bytes(400), "data": bytes(len(data) - footer) + data[-footer:],
+        "empty": b"", "no parquet": b"# notes of somebody",
+    }  # fmt: skip
+    victim.write_bytes(parts[damage])
+    with MotionTable(store, loaded=loaded) as table:
+        assert table.query("SELECT count(duration), sum(duration) FROM motions").rows == [
+            (2, 0.02)
+        ]
+    (line,) = store.warnings
+    assert line.startswith(f"{victim}: damaged, left out: ")
+    assert "ingest the bags again" in line
+    assert "\n" not in line
+
+
+@needs_duckdb
+def test_files_of_an_older_version_lack_columns(tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    store = FleetStore(str(tmp_path))
+    store.add([row(0)])
+    store.add([row(1)])
+    old = tmp_path / files(tmp_path)[0]
+    table = parquet.read_table(old, partitioning=None).drop_columns(["opening", "level"])
+    parquet.write_table(table, old)
+    with MotionTable(store, loaded=["level"]) as found:
+        assert found.query("SELECT count(*), count(level) FROM motions").rows == [(2, 1)]
+    assert store.warnings == []
+
+
+@needs_duckdb
+@pytest.mark.parametrize(
+    ("sql", "told"),
+    [
+        ("SELECT * FROM range(100000000)", "more than 1000000 rows"),
+        ("SELECT repeat('x', 100000000) FROM range(20)", "more than 500 MB"),
+        ("SELECT string_agg(repeat('x', 1000000000), '') FROM range(100)", "of memory; ask"),
+    ],
+)
+def test_a_query_beyond_memory_is_one_line(tmp_path, monkeypatch, sql, told):
+    monkeypatch.setattr("slosh_replay.fleet.query._MEMORY", 0.1)
+    store = FleetStore(str(tmp_path))
+    store.add([row(0)])
+    with pytest.raises(SloshBagError, match=f"^query: .*{told}"):
+        query(store, sql)
 
 
 @needs_duckdb

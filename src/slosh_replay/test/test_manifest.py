@@ -225,6 +225,22 @@ def test_a_model_is_stated_beside_the_manifest(tmp_path, model):
     assert found.resolve() == (folder / model).resolve()
 
 
+def test_a_model_from_elsewhere_is_copied_beside_the_manifest(tmp_path):
+    """So a copy of the folder has all that its manifest names."""
+    folder, path = tmp_path / "bags", tmp_path / "bags" / "manifest.yaml"
+    models = [tmp_path / name / "m.yaml" for name in ("one", "two", "same")]
+    for number, model in enumerate(models):
+        model.parent.mkdir()
+        model.write_text(f"container: {number % 2}\n")
+    folder.mkdir()
+    write_manifest(path, {str(k): Expectation(model=model) for k, model in enumerate(models)})
+    found = [bag.model for bag in read_manifest(path).values()]
+    assert [model.relative_to(folder).as_posix() for model in found] == [
+        "models/m.yaml", "models/m_2.yaml", "models/m.yaml"
+    ]  # fmt: skip
+    assert [model.read_text() for model in found] == [model.read_text() for model in models]
+
+
 def test_nothing_is_written_over_what_is_no_manifest(tmp_path):
     path = tmp_path / "manifest.yaml"
     path.write_text("pictures: []\n")

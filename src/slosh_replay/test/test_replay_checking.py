@@ -144,5 +144,6 @@ def test_warnings_that_lack_or_were_not_announced_fail():
     assert lines("unfinished") == ()
     (line,) = lines()
     assert line.startswith("unexpected warning: /data/c3/c3_0.mcap: unfinished")
+    assert check_result(RESULT, Expectation(warnings=None)).failures == ()  # nothing is stated
     (line,) = lines("unfinished", "two cells")
     assert line == "the expected warning 'two cells' is missing"

@@ -98,6 +98,7 @@ class LiveBag:
         image_lag, estimate_lag: from an index to the time until the recorder hears of it [ns].
         topics: those that are written; None: all.
         namespace: of the cell.
+        remap: full names of topics that have others than those below the namespace.
         facts: of the whole bag.
         tray: whose first container the model is of; None: there is none.
         checks: whether the estimator checks its input; None: it is one of the time before.
@@ -130,6 +131,7 @@ class LiveBag:
         self.estimate_lag: Callable[[int], int] = lambda index: 0
         self.topics: Collection[str] | None = None
         self.namespace = "/slosh"
+        self.remap: dict[str, str] = {}
         self.facts: dict[str, str] = {}
         self.tray: Tray | None = None
         self._others: TrayEstimator | None = None
@@ -289,7 +291,7 @@ class LiveBag:
             if self.checks is not None:
                 parameters["check_input"] = self.checks
         names = (self.kind, "free_surface", "estimate")
-        full = {name: f"{self.namespace}/{name}" for name in names}
+        full = {name: self._full(name) for name in names}
         told = {"parameters": parameters, "topics": full, "files": files}
         document = yaml.safe_dump({**told, "changed": list(changed)} if changed else told)
         self._put(
@@ -396,4 +398,7 @@ class LiveBag:
         message = self._types[kind](header=header, **fields)
         data = bytes(self._definitions.typestore.serialize_cdr(message, kind))
         log_ns = stamp if log_ns is None else log_ns
-        self._entries.append((log_ns, f"{self.namespace}/{topic}", kind, data))
+        self._entries.append((log_ns, self._full(topic), kind, data))
+
+    def _full(self, topic: str) -> str:
+        return self.remap.get(topic, f"{self.namespace}/{topic}")

@@ -103,7 +103,8 @@ class EventRecorder:
         free: free space on a folder's disk [bytes].
 
     Raises:
-        SloshBagError: the folder holds a recording, or cannot be made.
+        SloshBagError: the folder holds a recording, another recorder writes in it, or it cannot
+            be made.
     """
 
     def __init__(
@@ -118,8 +119,13 @@ class EventRecorder:
     ) -> None:
         self._folder, self._per_cause, self._quota = folder, per_cause, quota
         self._clock, self._free = clock, free
-        self._kept = _found(folder)
-        self._held = HeldFolder(folder)
+        # Before its bags are looked at: from now on nobody else changes them.
+        self._held = HeldFolder.made(folder)
+        try:
+            self._kept = _found(folder)
+        except BaseException:
+            self._held.release()
+            raise
         self._number = max(map(_number, _named(folder)), default=0)
         self._open: list[_OpenBag] = []  # the last one may be open, the others are being finished
         self._refused: dict[str, str] = {}
@@ -257,14 +263,9 @@ def _found(folder: Path) -> list[KeptBag]:
     """Returns the event bags of earlier recorders in a folder, oldest first.
 
     Raises:
-        SloshBagError: it holds a recording itself, or cannot be made.
+        SloshBagError: it holds a recording itself.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        is_bag = any(folder.glob("*.mcap"))
-    except OSError as error:
-        raise SloshBagError(f"{folder}: {error.strerror}") from None
-    if is_bag:
+    if any(folder.glob("*.mcap")):
         raise SloshBagError(f"{folder}: holds a recording; choose another folder for the events")
     return [
         KeptBag(bag, _noted_causes(bag) | {bag.name.partition("_")[2]}, _size(bag))

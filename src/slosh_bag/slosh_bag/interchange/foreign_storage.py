@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
-from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -26,8 +25,9 @@ from rosbags.rosbag2.metadata import ReaderMetadata, parse_qos
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.bag_facts import DERIVED
 from slosh_bag.mcap_files.bag_folder import LONGEST_METADATA, METADATA
-from slosh_bag.mcap_files.mcap_summary import read_summary
+from slosh_bag.mcap_files.mcap_summary import FileSummary, read_summary
 from slosh_bag.reader import BagReader
 from slosh_bag.unpacking import UnpackingError, unpack
 from slosh_base.files.errors import TextFileError, YamlError
@@ -36,6 +36,7 @@ from slosh_base.files.yaml_document import read_yaml
 _NO_SCHEMA = "__schemaless__"  # rosbags' name of a type that the file does not tell
 ROS1 = "ros1"
 """Encoding of ROS 1's messages in an MCAP file, as `mcap convert` writes them."""
+_MOST_NAMED = 5
 _LOGS = ("-wal", "-journal")
 _FORMATS = {
     "ros1msg": MessageDefinitionFormat.MSG,
@@ -58,6 +59,7 @@ class McapStorage:
         self.connections: list[Connection] = []
         self.metadata = ReaderMetadata(0, 2**63 - 1, 0, 0, None, None, None, None)
         self._reader: BagReader
+        self._beside: list[str] = []
 
     def open(self) -> None:
         """Reads the file's topics; reads the whole file if its summary lacks them.
@@ -68,18 +70,18 @@ class McapStorage:
         self._reader = BagReader(self.path)
         found = self._reader.survey(self.path)
         with self.path.open("rb") as stream:
-            if read_summary(stream, self.path.stat().st_size) is None:
-                raise SloshBagError(
-                    "is cut off; `slosh recover` writes a complete bag of the rest"
-                )
+            summary = read_summary(stream, self.path.stat().st_size)
+        if summary is None:
+            raise SloshBagError("is cut off; `slosh recover` writes a complete bag of the rest")
+        self._beside = _left_out(summary)
         for number, channel in found.channels.items():
             schema = found.schemas.get(channel.schema_id)
             self.connections.append(self._connection(channel, schema, found.counts.get(number, 0)))
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings about messages that could not be read from the file."""
-        return self._reader.warnings
+        """Warnings about what could not be read from the file or is left out."""
+        return [*self._reader.warnings, *self._beside]
 
     def close(self) -> None:
         """Clears the list of the file's topics."""
@@ -91,13 +93,12 @@ class McapStorage:
         start: int | None = None,
         stop: int | None = None,
     ) -> Iterator[tuple[Connection, int, bytes]]:
-        """Yields the messages of the given topics in the order of their log times [ns]."""
-        by_name = {(each.topic, each.msgtype): each for each in connections}
-        for message in self._reader.messages({each.topic for each in connections}):
-            kind = _ros2_name(message.message_type) or _NO_SCHEMA
-            connection = by_name.get((message.topic, kind))
-            if connection is not None:
-                yield connection, message.log_ns, message.data
+        """Yields the messages of the given connections in the order of their log times [ns]."""
+        wanted = {each.id: each for each in connections}
+        found = self._reader.channel_messages({each.topic for each in connections})
+        for number, message in found:
+            if number in wanted:
+                yield wanted[number], message.log_ns, message.data
 
     def _connection(self, channel: Channel, schema: Schema | None, count: int) -> Connection:
         plain = MessageDefinition(MessageDefinitionFormat.NONE, "")
@@ -139,6 +140,8 @@ class FolderStorage:
         self.storages: list[Any] = []
         self.warnings: list[str] = []
         self.beside: list[str] = []
+        self._own: list[dict[int, int]] = []  # by file: connection here by connection there
+        self._count = 0
         self._packed = False
         self._stack = ExitStack()
 
@@ -185,14 +188,14 @@ class FolderStorage:
         start: int | None = None,
         stop: int | None = None,
     ) -> Iterator[tuple[Connection, int, bytes]]:
-        """Yields the messages of the given topics, file by file."""
-        wanted = {(each.topic, each.msgtype): each for each in connections}
-        for storage in self.storages:
-            mine = [each for each in storage.connections if (each.topic, each.msgtype) in wanted]
+        """Yields the messages of the given connections, file by file."""
+        wanted = {each.id: each for each in connections}
+        for storage, own in zip(self.storages, self._own, strict=True):
+            mine = [each for each in storage.connections if own[each.id] in wanted]
             if not mine:
                 continue
             for connection, stamp_ns, data in storage.messages(mine, start, stop):
-                known = wanted[connection.topic, connection.msgtype]
+                known = wanted[own[connection.id]]
                 yield known, stamp_ns, _message(data) if self._packed else data
 
     def _files(self, names: list[str], *, unpack_files: bool) -> Iterator[Path]:
@@ -218,26 +221,40 @@ class FolderStorage:
                 profiles[key] = _qos(topic.get("offered_qos_profiles"))
             except (LookupError, TypeError, ValueError, AttributeError):
                 self.warnings.append("metadata.yaml: a topic in it cannot be read")
-        found: dict[tuple[str, str], Connection] = {}
-        held: Counter[tuple[str, str]] = Counter()
+        found: dict[tuple[str, str], list[Connection]] = {}
         for storage in self.storages:
+            self._own.append({})
             for each in storage.connections:
-                key = each.topic, each.msgtype
-                held[key] += each.msgcount
-                before = found.get(key)
-                if before is None or not before.msgdef.data:
-                    found[key] = each
-        for number, (key, each) in enumerate(found.items(), start=1):
-            ext = each.ext
-            if isinstance(ext, ConnectionExtRosbag2) and profiles.get(key):
-                ext = ext._replace(offered_qos_profiles=profiles[key])
-            count = max(counts.get(key, 0), held[key])
-            yield each._replace(id=number, msgcount=count, ext=ext, owner=self)
+                alike = found.setdefault((each.topic, each.msgtype), [])
+                self._own[-1][each.id] = self._merge(each, alike)
+        for key, alike in found.items():
+            lacking = max(0, counts.get(key, 0) - sum(each.msgcount for each in alike))
+            for each in alike:
+                ext = each.ext
+                if isinstance(ext, ConnectionExtRosbag2) and profiles.get(key):
+                    ext = ext._replace(offered_qos_profiles=profiles[key])
+                yield each._replace(msgcount=each.msgcount + lacking, ext=ext, owner=self)
+                lacking = 0
         for key, count in counts.items():
             if count and key not in found:
                 self.warnings.append(
                     f"{key[0]}: metadata.yaml counts {count} messages, but there are none"
                 )
+
+    def _merge(self, one: Connection, alike: list[Connection]) -> int:
+        """Adds a file's connection to those of its topic and type; returns its id in the folder.
+
+        Connections with one definition become one; each other definition has its own.
+        """
+        for place, known in enumerate(alike):
+            if known.msgdef == one.msgdef or not (known.msgdef.data and one.msgdef.data):
+                fuller = known if known.msgdef.data else one
+                count = known.msgcount + one.msgcount
+                alike[place] = fuller._replace(id=known.id, msgcount=count)
+                return int(known.id)
+        self._count += 1
+        alike.append(one._replace(id=self._count))
+        return self._count
 
 
 class SqliteStorage(Sqlite3Reader):
@@ -276,6 +293,20 @@ class SqliteStorage(Sqlite3Reader):
         super().close()
         if self._room is not None:
             self._room.cleanup()
+
+
+def _left_out(summary: FileSummary) -> list[str]:
+    """Describes attachments and metadata of a file, which an import does not take."""
+    kinds = {
+        "attachment": [index.name for index in summary.attachments],
+        "metadata record": [index.name for index in summary.metadata if index.name not in DERIVED],
+    }
+    return [
+        f"{len(names)} {kind}{'s' * (len(names) > 1)} left out "
+        f"({', '.join(names[:_MOST_NAMED])}); `slosh recover` keeps all"
+        for kind, names in kinds.items()
+        if names
+    ]
 
 
 def _by_suffix(path: Path) -> Any:

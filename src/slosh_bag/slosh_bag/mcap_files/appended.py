@@ -9,12 +9,14 @@ from __future__ import annotations
 import struct
 
 import numpy as np
+from mcap.records import AttachmentIndex
 
 from slosh_bag.mcap_files.chunk_scan import find_chunk
 from slosh_bag.mcap_files.chunks import CHUNK_START, RECORD_HEADER, DamageError, whole_chunk
 
 _INDEX = struct.Struct("<HI")
 _TIMES, _U32, _U64, _CRC = 16, struct.Struct("<I"), struct.Struct("<Q"), 4
+_BOTH = struct.Struct("<QQ")
 LONGEST_NAMES = 1 << 20
 """An attachment's name and media type, at most [bytes]."""
 
@@ -68,23 +70,34 @@ def check_message_index(content: bytes) -> None:
     check_appended(content[end:])
 
 
-def attachment_size(start: bytes, length: int) -> int:
-    """Returns the size of an attachment's fields before its checksum [bytes].
+def attachment_index(start: bytes, length: int) -> AttachmentIndex:
+    """Parses an attachment's fields before its data.
 
     Args:
         start: the record's content, or its first `LONGEST_NAMES`.
         length: of the whole content [bytes].
 
+    Returns:
+        Its times, names and sizes; `length` is that of the fields before the checksum, the offset
+        is 0.
+
     Raises:
         DamageError: the fields do not fit into the record.
     """
-    at = _TIMES
+    at, texts = _TIMES, list[str]()
     try:
+        log_ns, created_ns = _BOTH.unpack_from(start)
         for _ in ("name", "media type"):
-            at += _U32.size + int(_U32.unpack_from(start, at)[0])
-        at += _U64.size + int(_U64.unpack_from(start, at)[0])
+            end = at + _U32.size + int(_U32.unpack_from(start, at)[0])
+            texts.append(start[at + _U32.size : end].decode(errors="replace"))
+            at = end
+        size = int(_U64.unpack_from(start, at)[0])
     except struct.error:
         raise DamageError("a damaged attachment") from None
+    at += _U64.size + size
     if at + _CRC > length:
         raise DamageError("a damaged attachment")
-    return at
+    return AttachmentIndex(
+        offset=0, length=at, log_time=log_ns, create_time=created_ns, data_size=size,
+        name=texts[0], media_type=texts[1],
+    )  # fmt: skip

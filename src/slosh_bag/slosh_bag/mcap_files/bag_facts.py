@@ -21,6 +21,8 @@ from slosh_bag.mcap_files.mcap_walk import McapWalk
 from slosh_bag.mcap_files.record_stream import RecordStream
 
 NAME = "slosh"
+DERIVED = (NAME, "rosbag2")
+"""Metadata records that a new bag gets anew: own facts, and rosbag2's copy of metadata.yaml."""
 _HEADER = struct.Struct("<BQ")
 
 

@@ -38,7 +38,10 @@ class BagTypes:
         if message_type not in self._schemas:
             raise SloshBagError(f"the bag has no definition of {message_type!r}")
         if message_type in self._ambiguous:
-            raise SloshBagError(f"the bag has two definitions of {message_type} that differ")
+            raise SloshBagError(
+                f"the bag has two definitions of {message_type} that differ; `slosh import "
+                "rosbag` reads each message by its own and writes them with one"
+            )
         return self._schemas[message_type]
 
     @property
@@ -52,7 +55,8 @@ class BagTypes:
         Raises:
             SloshBagError: as `schema`, or the definition cannot be read.
         """
-        if message_type not in self._known:
+        # A cut file tells its definitions one after the other: the second may come later.
+        if message_type not in self._known or message_type in self._ambiguous:
             schema = self.schema(message_type)
             if schema.encoding not in ENCODINGS:
                 raise SloshBagError(

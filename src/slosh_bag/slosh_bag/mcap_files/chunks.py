@@ -170,6 +170,16 @@ class Chunk:
         )
 
 
+def sequence_of(chunk: Chunk, start: int) -> int:
+    """Returns the sequence number in the header of a message.
+
+    Args:
+        chunk: that holds it.
+        start: where its data begin in the chunk [bytes].
+    """
+    return int.from_bytes(chunk.raw[start - 20 : start - 16], "little")
+
+
 class StrictStream(ReadDataStream):
     """A stream over a record's content that never returns fewer bytes than requested."""
 

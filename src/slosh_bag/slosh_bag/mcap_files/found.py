@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from mcap.records import Channel, Metadata, Schema
+from mcap.records import AttachmentIndex, Channel, Metadata, Schema
 
 from slosh_bag.mcap_files.chunk_scan import MOST_DEFINITIONS
 from slosh_bag.mcap_files.chunks import Chunk
@@ -40,6 +40,8 @@ class Found:
         counts: messages by channel id.
         first_ns, last_ns: least and greatest log time; None: there is no message.
         metadata: the metadata records.
+        attachments: intact ones; `offset` is where their content begins in the file, `length`
+            that of the content before its checksum [bytes].
         chunks, loose: numbers of chunks, and of messages in none.
         unchecked: some messages, or their definitions, had no checksum of their own.
         unknown: records of an unknown kind, which were passed over.
@@ -54,6 +56,7 @@ class Found:
     first_ns: int | None = None
     last_ns: int | None = None
     metadata: list[Metadata] = field(default_factory=list)
+    attachments: list[AttachmentIndex] = field(default_factory=list)
     chunks: int = 0
     loose: int = 0
     unchecked: bool = False

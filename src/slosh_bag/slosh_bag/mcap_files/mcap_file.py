@@ -12,8 +12,8 @@ import contextlib
 import os
 import struct
 import zlib
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
+    AttachmentIndex,
     Channel,
     ChunkIndex,
     DataEnd,
@@ -48,6 +49,8 @@ _MESSAGE_HEADER = 22
 _INDEX = struct.Struct("<BQHI")
 _CHUNK = struct.Struct("<BQQQQII")
 _U64 = struct.Struct("<Q")
+_RECORD = struct.Struct("<BQ")
+_CRC = 4
 
 
 @dataclass(slots=True)
@@ -90,6 +93,7 @@ class McapFile:
         self._channels: list[Channel] = []
         self._chunk = _OpenChunk()
         self._indexes: list[bytes] = []
+        self._attachments: list[AttachmentIndex] = []
         self._counts: dict[int, int] = {}
         self._start_ns: int | None = None
         self._end_ns = 0
@@ -226,14 +230,35 @@ class McapFile:
         self._chunk = _OpenChunk()
         return counts
 
-    def finish(self, metadata: Mapping[str, str]) -> None:
-        """Writes the remaining messages, the bag metadata and the summary; closes the file."""
+    def attach(self, index: AttachmentIndex, content: Iterable[bytes]) -> None:
+        """Copies an attachment of another file.
+
+        Args:
+            index: what is known of it; its place does not count.
+            content: of its record, with the checksum, in parts.
+        """
         self.flush()
+        length = index.length + _CRC
+        place = replace(index, offset=self.size, length=_RECORD.size + length)
+        self._append(_RECORD.pack(Opcode.ATTACHMENT, length))
+        for part in content:
+            self._append(part)
+        self._attachments.append(place)
+
+    def finish(self, metadata: Mapping[str, str], others: Iterable[Metadata] = ()) -> None:
+        """Writes the remaining messages, all metadata and the summary; closes the file.
+
+        Args:
+            metadata: of the bag.
+            others: metadata records of other programs.
+        """
+        self.flush()
+        own = [Metadata("slosh", with_checksum({k: text})) for k, text in metadata.items()]
         facts, where = RecordBuilder(), list[MetadataIndex]()
-        for key, value in metadata.items():
+        for record in (*own, *others):
             start = facts.count
-            Metadata("slosh", with_checksum({key: value})).write(facts)
-            where.append(MetadataIndex(self.size + start, facts.count - start, "slosh"))
+            record.write(facts)
+            where.append(MetadataIndex(self.size + start, facts.count - start, record.name))
         body = facts.end()
         end = _record(DataEnd(zlib.crc32(body, self._crc)))
         self._append(body + end + self._summary(self.size + len(body) + len(end), where))
@@ -277,7 +302,7 @@ class McapFile:
             message_count=self.count,
             schema_count=len(self._schemas),
             channel_count=len(self._channels),
-            attachment_count=0,
+            attachment_count=len(self._attachments),
             metadata_count=len(metadata),
             chunk_count=len(self._indexes),
             message_start_time=first,
@@ -289,6 +314,7 @@ class McapFile:
             Opcode.CHANNEL: [_record(channel) for channel in self._channels],
             Opcode.STATISTICS: [_record(statistics)],
             Opcode.CHUNK_INDEX: self._indexes,
+            Opcode.ATTACHMENT_INDEX: [_record(index) for index in self._attachments],
             Opcode.METADATA_INDEX: [_record(index) for index in metadata],
         }
         content, offsets = b"", b""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any, BinaryIO
 
 from mcap.opcode import Opcode
-from mcap.records import Channel, MetadataIndex, Schema, Statistics
+from mcap.records import AttachmentIndex, Channel, MetadataIndex, Schema, Statistics
 
 from slosh_bag.mcap_files.chunk_scan import MOST_DEFINITIONS
 from slosh_bag.mcap_files.chunks import RECORD_HEADER, DamageError, parse
@@ -33,7 +33,7 @@ class FileSummary:
         damaged: its checksum is wrong.
         schemas, channels: by their ids.
         counts: messages by channel id; None: not noted.
-        metadata: where the file's metadata records are.
+        metadata, attachments: where the file's records of these kinds are.
     """
 
     start: int
@@ -43,6 +43,7 @@ class FileSummary:
     channels: dict[int, Channel] = field(default_factory=dict)
     counts: dict[int, int] | None = None
     metadata: list[MetadataIndex] = field(default_factory=list)
+    attachments: list[AttachmentIndex] = field(default_factory=list)
 
     @property
     def tells_topics(self) -> bool:
@@ -139,10 +140,14 @@ _TAKEN = {
     Opcode.CHANNEL: Channel,
     Opcode.STATISTICS: Statistics,
     Opcode.METADATA_INDEX: MetadataIndex,
+    Opcode.ATTACHMENT_INDEX: AttachmentIndex,
 }
 
 
-def _take(summary: FileSummary, record: Schema | Channel | Statistics | MetadataIndex) -> None:
+def _take(
+    summary: FileSummary,
+    record: Schema | Channel | Statistics | MetadataIndex | AttachmentIndex,
+) -> None:
     if isinstance(record, Schema):
         summary.schemas[record.id] = record
     elif isinstance(record, Channel):
@@ -150,5 +155,7 @@ def _take(summary: FileSummary, record: Schema | Channel | Statistics | Metadata
     elif isinstance(record, Statistics):
         counts = record.channel_message_counts
         summary.counts = {channel: count for channel, count in counts.items() if count}
-    else:
+    elif isinstance(record, MetadataIndex):
         summary.metadata.append(record)
+    else:
+        summary.attachments.append(record)

@@ -9,6 +9,7 @@ summary, all of it against the checksum of the data section where the writer mad
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from mcap.records import Channel, Header, Metadata, Schema
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.appended import (
     LONGEST_NAMES,
-    attachment_size,
+    attachment_index,
     check_appended,
     check_message_index,
     check_no_chunk,
@@ -175,12 +176,14 @@ class McapWalk:
 
     def _pass_attachment(self, length: int) -> None:
         """Skips an attachment after verifying its checksum."""
-        size = attachment_size(self._stream.peek(min(length, LONGEST_NAMES)), length)
-        actual = self._stream.skip(size)
+        content = self._stream.position
+        index = attachment_index(self._stream.peek(min(length, LONGEST_NAMES)), length)
+        actual = self._stream.skip(index.length, checked=True)
         noted = int.from_bytes(self._stream.take(4), "little")
-        self._stream.skip(length - size - 4)
-        if noted not in (0, actual) and not self._lenient:
-            raise DamageError("a damaged attachment")
+        self._stream.skip(length - index.length - 4)
+        if noted not in (0, actual):
+            raise DamageError(f"a damaged attachment, {index.name!r}")
+        self.found.attachments.append(replace(index, offset=content))
 
     def _admit(self, chunk: Chunk) -> Chunk:
         """Registers a chunk's schemas and channels, and checks that its messages are defined."""

@@ -75,15 +75,19 @@ class RecordStream:
         self._stream.seek(self.position)
         return content
 
-    def skip(self, length: int) -> int:
+    def skip(self, length: int, *, checked: bool = False) -> int:
         """Skips bytes and returns their CRC-32, or 0 if checksums are disabled.
+
+        Args:
+            length: how many.
+            checked: compute the CRC-32 in any case.
 
         Raises:
             CutOffError: the file ends before.
         """
         if length > self.left:
             raise CutOffError("a record is cut off")
-        if not self._checked:
+        if not (self._checked or checked):
             self.jump(self.position + length)
             return 0
         crc = 0

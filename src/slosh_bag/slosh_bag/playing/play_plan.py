@@ -40,6 +40,7 @@ class PlayRequest:
         exclude: regular expression of those to leave out; empty: none.
         inputs: only what the robot, its planner and its camera publish, not what follows from it.
         namespace: where the cell's own topics go; empty: where they were.
+        told_inputs: further such inputs, by the names that the recorded nodes told.
     """
 
     bag: Path
@@ -48,6 +49,7 @@ class PlayRequest:
     exclude: str = ""
     inputs: bool = False
     namespace: str = ""
+    told_inputs: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +136,11 @@ def _choose(request: PlayRequest, contents: BagContents) -> list[str]:
         if topic != CLOCK
         and include.search(topic)
         and not (exclude and exclude.search(topic))
-        and (not request.inputs or names.is_input(topic, contents.topics[topic].message_type))
+        and (
+            not request.inputs
+            or topic in request.told_inputs
+            or names.is_input(topic, contents.topics[topic].message_type)
+        )
     ]
     if not chosen:
         raise SloshBagError(

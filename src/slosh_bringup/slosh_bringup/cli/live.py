@@ -91,8 +91,8 @@ def run_live(
         as_json: print the figures as JSON.
 
     Returns:
-        exit code: 0; 1 where nothing was compared, messages are lost, two cells were mixed, or a
-            node ended; 2 where a node refused its input.
+        exit code: 0; 1 where nothing was compared, messages are lost, two cells were mixed, the
+            recording cannot be replayed, or a node ended; 2 where a node refused its input.
     """
     check_files(run.setup)
     _check_port(run.watch)

@@ -9,11 +9,13 @@ from typing import Any
 
 from slosh_bag.playing.play_plan import PlayRequest, make_plan
 from slosh_bag.playing.playback import PlaybackSettings
+from slosh_bag.reader import BagReader
 from slosh_bringup.cli.progress import IN_SECONDS, Progress
 from slosh_bringup.cli.quantities import RATE, time
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.stop_request import READER_GONE, forget_readers
 from slosh_msgs_py.topics import TOPICS, TopicRole
+from slosh_replay.recording.sources import CellTopics
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -81,6 +83,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _told_inputs(bag: Path) -> frozenset[str]:
+    """Returns what the nodes of a bag's cells read of a robot, by the names that they told."""
+    reader = BagReader(bag)
+    cells = [CellTopics(reader, cell) for cell in CellTopics(reader).cells]
+    inputs = (row.name for row in TOPICS if row.role is TopicRole.INPUT)
+    return frozenset(cell.told(name) for name in inputs for cell in cells)
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Plays the bag until its end or until Ctrl-C is pressed."""
     if not 0.0 <= arguments.wait <= 3600.0:
@@ -93,7 +103,7 @@ def run(arguments: argparse.Namespace) -> int:
     plan = make_plan(
         PlayRequest(
             arguments.bag, settings, arguments.topics, arguments.exclude, arguments.inputs,
-            arguments.namespace,
+            arguments.namespace, _told_inputs(arguments.bag) if arguments.inputs else frozenset(),
         )
     )  # fmt: skip
     from slosh_bag.nodes.player_node import (

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Sequence
 from datetime import date, datetime
 from pathlib import Path
 from typing import Any
 
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.ingest import add_store
 from slosh_bringup.errors import SloshBringupError
 
@@ -52,6 +54,8 @@ def run(arguments: argparse.Namespace) -> int:
         write_text(arguments.page, render_fleet(store))
     if arguments.sql is not None:
         _print(*query(store, arguments.sql), as_json=arguments.json)
+    for line in store.warnings:
+        print(plain_line(f"slosh query: warning: {line}"), file=sys.stderr)
     return 0
 
 

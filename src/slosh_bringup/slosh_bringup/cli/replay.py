@@ -191,7 +191,8 @@ def tell(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
             print(plain_line(f"slosh replay: {told}"), file=sys.stderr)
             continue
         for warning in item.warnings:
-            if expected is None or not any(text in warning for text in expected.warnings):
+            announced = (expected.warnings if expected else None) or ()
+            if not any(text in warning for text in announced):
                 print(plain_line(f"slosh replay: warning: {warning}"), file=sys.stderr)
         for failure in item.checked.failures if item.checked else ():
             print(plain_line(f"slosh replay: {item.name}: {failure}"), file=sys.stderr)

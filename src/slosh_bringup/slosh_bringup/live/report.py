@@ -172,7 +172,9 @@ def _evaluated(
         replayed = replay_bag(run, further=[governor_row()])
     except SloshBagError as error:
         if not reasons:  # they tell that nothing drove the models
-            result = replace(result, warnings=(*problems, f"not replayed: {error}"))
+            line = f"not replayed: {error}"
+            told, failed = (*problems, line), (*failures, line)
+            result = replace(result, warnings=told, failures=failed)
         return result, _recorded_report(title, data, result)
     return replace(result, replayed=replayed), _replayed_report(title, run, result, replayed)
 

@@ -136,10 +136,13 @@ def read_run(run: RecordedRun) -> RunData:
     """
     reader, topics, facts = run.reader, run.topics, run.facts
     gathered = _Gathered()
-    takers = {topic: taker for topic in topics if (taker := _taker(topic)) is not None}
+    told = {run.cell.told(ending): taker for ending, taker in _TAKERS.items()}
+    takers = {
+        topic: taker for topic in topics if (taker := told.get(topic) or _taker(topic)) is not None
+    }
     seen_estimate = False
     for message in reader.messages(list(takers)):
-        is_estimate = message.topic.endswith("/estimate")
+        is_estimate = takers[message.topic] is _take_estimate
         if is_estimate and seen_estimate:
             continue  # only the models' names are wanted, once
         seen_estimate = seen_estimate or is_estimate

@@ -16,7 +16,7 @@ from slosh_estimator.sight import UNUSABLE
 from slosh_msgs_py import topics
 from slosh_replay.in_force import Starts, has_camera, image_topic, input_topic
 from slosh_replay.recording.inputs import STAMP, stamps_of
-from slosh_replay.recording.sources import ESTIMATE, SURFACE, CellTopics
+from slosh_replay.recording.sources import ESTIMATE, SURFACE
 
 MANY = 3
 """So many causes of one kind are named."""
@@ -136,7 +136,7 @@ def _named(facts: Mapping[str, str], prefix: str) -> str:
 
 def _own(data: RunData, name: str, kind: str) -> str:
     """Returns the cell's topic whose name ends with `name`; empty if it has no messages."""
-    return CellTopics(data.topics).topic(name, kind) or ""
+    return data.run.cell.topic(name, kind) or ""
 
 
 def _count(known: Mapping[str, TopicInfo], topic: str) -> int:

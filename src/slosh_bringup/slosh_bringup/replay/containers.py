@@ -16,7 +16,6 @@ from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording.inputs import STAMP, stamps_of
 from slosh_replay.recording.settings import first, tray_of
 from slosh_replay.recording.sources import COMPARISON as COMPARISON_TYPE
-from slosh_replay.recording.sources import CellTopics
 from slosh_replay.replay.report import report_start, shown_models
 from slosh_replay.replay.result import ReplayResult
 from slosh_report.run_report import RunReport
@@ -42,10 +41,9 @@ def further_containers(run: RecordedRun, result: ReplayResult) -> tuple[RunRepor
     tray = tray_of(started) if started else None
     if tray is None:
         return ()
-    own = CellTopics(run.topics)
     found = []
     for index, name in enumerate(tray.names):
-        topic = own.topic(of_container(COMPARISON, name), COMPARISON_TYPE) if index else None
+        topic = run.cell.topic(of_container(COMPARISON, name), COMPARISON_TYPE) if index else None
         columns = None if topic is None else _columns(run, topic)
         if columns is not None:
             found.append(_report(name, columns, result, _limit(tray, index, result.limits)))

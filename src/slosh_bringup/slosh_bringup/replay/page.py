@@ -121,7 +121,7 @@ def predicted_motions(reader: BagReader) -> tuple[PredictedMotion, ...]:
     Raises:
         SloshBagError: the bag cannot be read.
     """
-    topic = CellTopics(reader.topics()).topic(TOPIC, MESSAGE_TYPE)
+    topic = CellTopics(reader).topic(TOPIC, MESSAGE_TYPE)
     if topic is None:
         return ()
     outcomes = [reader.decode(message) for message in reader.messages({topic})]

@@ -121,7 +121,7 @@ class _Listener:
         self._state = WatchState(f"slosh discover {bag} --model MODEL -o out/why")
         self._surface: Any = None
         self._frequent: dict[str, BagMessage] = {}
-        cell = CellTopics(reader.topics())
+        cell = CellTopics(reader)
         self._namespace = cell.cells[0] if cell.cells else topics.NAMESPACE
         wanted = (HEIGHTS | BESIDE).items()
         found = {cell.topic(name, kind): name for name, kind in wanted}

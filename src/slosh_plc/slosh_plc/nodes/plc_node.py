@@ -19,14 +19,17 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from slosh_bag.errors import SloshBagError
+from slosh_base.files.nanoseconds import SECOND
+from slosh_estimator.comparison import Condition
 from slosh_msgs.msg import Calm, FusedEstimate, LimitEvent, NodeSettings, SloshComparison
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN, DiagnosticsReporter, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.polled import PolledNode, take
 from slosh_msgs_py.node.run import run_node
+from slosh_msgs_py.stamps import to_nanoseconds
 from slosh_plc.broker_client import read_settings
-from slosh_plc.cell_view import CellView
+from slosh_plc.cell_view import CellView, is_old
 from slosh_plc.certificates import read_server_certificate, read_trusted
 from slosh_plc.errors import SloshPlcError
 from slosh_plc.modbus import ModbusServer, ModbusSettings
@@ -88,6 +91,7 @@ class PlcNode(PolledNode):
         servers = servers_of(given, self.get_namespace().strip("/") or "slosh")
         self._view = CellView(time.monotonic())
         self._looked = time.monotonic()
+        self._aged = 0.0  # age of a stamp that is not of the present [s]
         self._taken: list[tuple[Subscription, Any, Callable[[Any], None]]] = []
         self._add(NodeSettings, topics.SETTINGS, qos.EVENT, self._on_settings)
         self._add(LimitEvent, topics.LIMIT_EVENT, qos.EVENT, self._view.take_event)
@@ -124,13 +128,21 @@ class PlcNode(PolledNode):
         self.failure = self._servers.failure
 
     def _on_comparison(self, message: SloshComparison) -> None:
-        self._view.take_comparison(message, time.monotonic())
+        self._view.take_comparison(message, time.monotonic(), self._age(message))
 
     def _on_fused(self, message: FusedEstimate) -> None:
-        self._view.take_fused(message, time.monotonic())
+        self._view.take_fused(message, time.monotonic(), self._age(message))
 
     def _on_calm(self, message: Calm) -> None:
-        self._view.take_calm(message, time.monotonic())
+        self._view.take_calm(message, time.monotonic(), self._age(message))
+
+    def _age(self, message: SloshComparison | FusedEstimate | Calm) -> float:
+        """Returns the age of a message by its stamp [s]."""
+        found = float(self.get_clock().now().nanoseconds - to_nanoseconds(message.header.stamp))
+        age = found / SECOND
+        if not isinstance(message, SloshComparison) or message.state != Condition.STALE:
+            self._aged = age if is_old(age) else 0.0
+        return age
 
     def _on_settings(self, message: NodeSettings) -> None:
         with contextlib.suppress(SloshBagError):  # a stranger's; ours can be read
@@ -143,6 +155,12 @@ class PlcNode(PolledNode):
         silence = self._view.silence(time.monotonic())
         if self.failure:
             return ERROR, self.failure
+        if self._aged and silence <= TUNING.silence:
+            way = "behind" if self._aged > 0.0 else "ahead of"
+            return WARN, (
+                f"stamps are {abs(self._aged):.3g} s {way} this machine's clock: values have bad "
+                f"quality; synchronise the clocks, or set use_sim_time; {sentence}"
+            )
         if silence > TUNING.silence:
             since = f"for {silence:.0f} s" if silence < 1e9 else "yet"
             sentence = f"no comparison {since}: all values have bad quality; {sentence}"

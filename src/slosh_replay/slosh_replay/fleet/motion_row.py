@@ -35,6 +35,9 @@ class MotionRow:
 
     cell: str = _column(str, "1", "namespace of the cell, with dots for slashes")
     digest: str = _column(str, "1", "SHA-256 of the motion: the same in each bag that has it")
+    opening: str = _column(
+        str, "1", "SHA-256 of the motion's first samples: the same in a bag that is cut off later"
+    )
     bag: str = _column(str, "1", "bag from which the row was read")
     container: str = _column(str, "1", "shape of the container")
     model_digest: str = _column(

@@ -26,7 +26,7 @@ from slosh_replay.fleet.motion_row import MotionRow
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording.inputs import STAMP, stamps_of
 from slosh_replay.recording.settings import NodeStart, latest, model_of
-from slosh_replay.recording.sources import CellTopics, recorded_starts
+from slosh_replay.recording.sources import CellTopics
 
 _TYPES = {row.name: row.type for row in topics.TOPICS}
 _FIELDS: Mapping[str, tuple[str, ...]] = {
@@ -42,6 +42,8 @@ _FIELDS: Mapping[str, tuple[str, ...]] = {
     topics.LIMIT_EVENT: ("kind",),
 }  # fmt: skip
 """Fields that are read of each topic, beside the stamps."""
+OPENING = 20
+"""Samples by which a motion is known again where its bag is cut off behind them."""
 NAN = math.nan
 Columns = Mapping[str, NDArray[Any]]
 
@@ -93,8 +95,8 @@ def motions_of(path: str | Path) -> list[MotionRow]:
     run = RecordedRun(path)
     rows: list[MotionRow] = []
     has_estimates = False
-    for cell in CellTopics(run.topics).cells:
-        own = CellTopics(run.topics, cell)
+    for cell in run.cell.cells:
+        own = CellTopics(run.reader, cell)
         if own.topic(topics.ESTIMATE, _TYPES[topics.ESTIMATE]) is None:
             continue
         has_estimates = True
@@ -107,7 +109,7 @@ def motions_of(path: str | Path) -> list[MotionRow]:
 
 
 def _motions_of_cell(run: RecordedRun, own: CellTopics, cell: str) -> list[MotionRow]:
-    starts = recorded_starts(run.reader, own)
+    starts = own.starts
     tables = {name: _read(run, own, name, columns) for name, columns in _FIELDS.items()}
     estimates = tables[topics.ESTIMATE]
     finder = MotionFinder()
@@ -140,6 +142,7 @@ def _row(
     return MotionRow(
         cell=cell,
         digest=_digest(cell, moving),
+        opening=_digest(cell, moving, OPENING),
         bag=bag,
         container=liquid.shape,
         model_digest=liquid.digest,
@@ -197,8 +200,10 @@ def _calm_time(table: _Table, end_ns: int) -> float:
     return 1e-9 * float(calm[0] - end_ns) if len(calm) else NAN
 
 
-def _digest(cell: str, moving: _Table) -> str:
-    parts = (moving.stamps.astype("<i8"), moving.columns["acceleration"].astype("<f8"))
+def _digest(cell: str, moving: _Table, count: int | None = None) -> str:
+    """Returns the digest of a motion's first samples, by default of all."""
+    stamps, accelerations = moving.stamps[:count], moving.columns["acceleration"][:count]
+    parts = (stamps.astype("<i8"), accelerations.astype("<f8"))
     digest = hashlib.sha256(cell.encode())
     for part in parts:
         digest.update(part.tobytes())

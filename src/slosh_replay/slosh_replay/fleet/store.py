@@ -16,6 +16,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
+from urllib.parse import quote
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.export_sinks import load_pyarrow
@@ -65,6 +66,7 @@ class FleetStore:
     Attributes:
         url: as given.
         is_disk: whether it is a folder on a disk of this machine.
+        warnings: files that are damaged and left out, one line each.
 
     Raises:
         SloshBagError: the place's protocol is not known or its library is not installed.
@@ -72,6 +74,8 @@ class FleetStore:
 
     def __init__(self, url: str) -> None:
         self.url = url
+        self.warnings: list[str] = []
+        self._damaged: set[str] = set()
         with self._naming():
             core = importlib.import_module("fsspec.core")
             self._files, self._root = core.url_to_fs(url)
@@ -91,7 +95,8 @@ class FleetStore:
             digest = hashlib.sha256("".join(sorted(row.digest for row in group)).encode())
             begins = sorted(row.begin_ns for row in group)
             name = f"{begins[0]}-{begins[-1]}-{digest.hexdigest()[:32]}{SUFFIX}"
-            path = f"{self._root}/cell={cell}/month={month}/{name}"
+            # As readers of such folders decode it: a cell may be named as no ROS name is.
+            path = f"{self._root}/cell={quote(cell, safe='')}/month={month}/{name}"
             with self._naming():
                 if not self._files.exists(path):
                     self._put(path, _packed(group))
@@ -171,7 +176,35 @@ class FleetStore:
                 f"{self.url}: no motions are stored here; `slosh ingest BAG --store "
                 f"{self.url}` adds some"
             )
-        return sorted(found)
+        whole = sorted(set(found) - self._damaged)
+        if not whole:
+            raise SloshBagError(
+                f"{self.url}: all {len(found)} files of motions are damaged; delete them and "
+                "ingest their bags again"
+            )
+        return whole
+
+    def leave_out_damaged(self) -> bool:
+        """Reads all files, and leaves out from now on those that cannot be read.
+
+        Returns:
+            whether another one was found; it is named in `warnings`.
+
+        Raises:
+            SloshBagError: the place cannot be read.
+        """
+        before = len(self._damaged)
+        for path in self._paths():
+            try:
+                self._dataset([path]).to_table()
+            except (OSError, ValueError) as error:  # Arrow's errors are also these
+                reason = (str(error).splitlines() or [type(error).__name__])[0]
+                self._damaged.add(path)
+                self.warnings.append(
+                    f"{path}: damaged, left out: {reason}; delete the file and the folder "
+                    f"{NOTES}, and ingest the bags again"
+                )
+        return len(self._damaged) > before
 
     def _dataset(self, paths: Sequence[str]) -> Any:
         arrow, _ = load_pyarrow()
@@ -181,7 +214,8 @@ class FleetStore:
         files = None if self.is_disk else self._files
         with self._naming():
             return dataset.dataset(
-                paths, filesystem=files, format="parquet",
+                paths, filesystem=files,
+                format=dataset.ParquetFileFormat(page_checksum_verification=True),
                 schema=arrow.schema([*_schema(arrow), *folders]),
                 partitioning=dataset.partitioning(folders, flavor="hive"),
             )  # fmt: skip
@@ -257,7 +291,9 @@ def _packed(rows: Sequence[MotionRow]) -> bytes:
         for name in schema.names
     ]
     stream = io.BytesIO()
-    parquet.write_table(arrow.table(columns, schema=schema), stream, compression="zstd")
+    parquet.write_table(
+        arrow.table(columns, schema=schema), stream, compression="zstd", write_page_checksum=True
+    )
     return stream.getvalue()
 
 

@@ -116,6 +116,7 @@ class InputReader:
         self._adapter = self._settings.reader(self.kind)
         self._used_before = self._dropped_before = self._gaps_before = 0
         self._slow = ""
+        self._slow_count = self._count = 0
         self._raised: dict[int, InputDoubt] = {}
         self._faults: list[str] = []
         self._tilted: NDArray[np.float64] | None = None
@@ -201,8 +202,25 @@ class InputReader:
                 f"ahead of them, and are not used: {MIXED_INPUT}"
             ]
         # Of samples that are all gaps, one in two is used: their rate is not that of the input.
-        line = gap_sentence(gate, counts["samples_used"], counts["gaps"]) or self._slow
+        line = gap_sentence(gate, counts["samples_used"], counts["gaps"]) or self._slow_line()
         return [line] if line else []
+
+    def _slow_line(self) -> str:
+        """Describes a rate that is too low, and where it is so at less than half of the samples.
+
+        A few long intervals, as of a busy machine, are not the rate of the input.
+        """
+        if not self._slow or 2 * self._slow_count >= self._count:
+            return self._slow
+        return f"at {self._slow_count} of {self._count} samples {self._slow}"
+
+    def _told(self, samples: Samples) -> Samples:
+        """Counts samples, and those that come too slowly, for the warning; returns the samples."""
+        self._count += len(samples.stamps)
+        if samples.slow is not None:
+            self._slow_count += int(np.count_nonzero(samples.slow))
+        self._slow = self._adapter.sampling.sentence() or self._slow
+        return samples
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
         """Restores the state of the live input reader after the message with this stamp [ns].
@@ -228,9 +246,9 @@ class InputReader:
             poses = None
             if self._settings.placed:
                 poses = np.column_stack([columns[name][rows] for name in PLACED_FIELDS])
-            samples = adapter.update_many(stamps[rows], columns[_FRAME][rows], values, poses)
-            self._slow = adapter.sampling.sentence() or self._slow
-            return samples
+            return self._told(
+                adapter.update_many(stamps[rows], columns[_FRAME][rows], values, poses)
+            )
         found = []
         frames = columns[_FRAME][rows].tolist()
         for stamp, frame, row in zip(stamps[rows].tolist(), frames, values.tolist(), strict=True):
@@ -242,9 +260,8 @@ class InputReader:
                 found += adapter.update_twist(_twist(stamp, row, frame))
             else:
                 found += adapter.update(stamp, tuple(row[:3]), tuple(row[3:]), None, frame)
-        self._slow = adapter.sampling.sentence() or self._slow
         adapter.check.faults.look()
-        samples = Samples.of(found)
+        samples = self._told(Samples.of(found))
         if samples.poses is not None and len(samples.poses):
             attitude = samples.poses[:, [QX, QY, QZ, QW]]
             if self._tilted is None or largest_tilt(attitude) > largest_tilt(self._tilted):

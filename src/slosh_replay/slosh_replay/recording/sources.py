@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.reader import BagReader, TopicInfo
+from slosh_bag.reader import BagReader
 from slosh_estimator.inputs import JOINTS, MESSAGE_TYPES, TOPIC_NAMES
 from slosh_msgs_py import topics
 from slosh_replay.recording import settings, states
@@ -23,6 +23,7 @@ FUSED = _TYPES[topics.FUSED_ESTIMATE]
 WRENCH = _TYPES[topics.FORCE]
 _OWN = {settings.TOPIC: settings.MESSAGE_TYPE, "estimate": ESTIMATE, "comparison": COMPARISON}
 """Topics of an estimator or a monitor: where there is one, there is a cell."""
+_SHARED = {row.name for row in topics.TOPICS if row.is_absolute}
 
 
 class Sources(NamedTuple):
@@ -58,21 +59,6 @@ class Sources(NamedTuple):
         return self._replace(estimate=None, comparison=None, state=None)
 
 
-def recorded_starts(reader: BagReader, found: CellTopics | None = None) -> list[NodeStart]:
-    """Returns the settings messages of a cell's nodes in order; empty if none were recorded.
-
-    Args:
-        reader: of the bag.
-        found: the cell's topics; None: those of the bag's first cell.
-
-    Raises:
-        SloshBagError: the bag or what a node says in it cannot be read.
-    """
-    cell = found or CellTopics(reader.topics())
-    topic = cell.topic(settings.TOPIC, settings.MESSAGE_TYPE)
-    return settings.read_starts(reader, topic) if topic else []
-
-
 def find_sources(
     path: Path, reader: BagReader, kind: str | None = None, cell: str | None = None
 ) -> Sources:
@@ -87,11 +73,10 @@ def find_sources(
     Raises:
         SloshBagError: there is no input, or no such cell.
     """
-    found = CellTopics(reader.topics(), cell)
+    found = CellTopics(reader, cell)
     if cell is not None and not found.is_there:
         raise SloshBagError(f"{path}: holds no topic of a cell {cell}")
-    starts = recorded_starts(reader, found)
-    started = settings.first(starts, "estimator")
+    started = settings.first(found.starts, "estimator")
     if kind is None and started is not None:
         kind = started.parameters.get("input")
     wanted = list(MESSAGE_TYPES) if kind is None else [kind]
@@ -110,34 +95,58 @@ def find_sources(
                 found.topic("free_surface", SURFACE),
                 found.topic("estimate", ESTIMATE),
                 found.topic("comparison", COMPARISON),
-                tuple(starts),
+                found.starts,
                 reader.metadata(),
                 found.topic(states.TOPIC, states.MESSAGE_TYPE),
                 found.topic(topics.OBSERVER_STATE, _TYPES[topics.OBSERVER_STATE]),
             )
     where = f" for the cell {found.cells[0] or '/'}" if len(found.cells) > 1 else ""
+    told = found.told(TOPIC_NAMES.get(wanted[0], wanted[0])) if len(wanted) == 1 else ""
+    named = f" (the estimator read {told})" if told else ""
     raise SloshBagError(
-        f"{path}: holds no message of {', '.join(wanted)}{where}; the model has no input"
+        f"{path}: holds no message of {', '.join(wanted)}{named}{where}; the model has no input"
     )
 
 
 class CellTopics:
-    """Finds a robot cell's topics by the last part of their names, also outside its namespace.
+    """Finds a robot cell's topics: as its nodes told with their settings, otherwise by name.
+
+    A node tells by which full names it reads and publishes, so topics of a robot (`remap`) are
+    found. Others are found by the last part of their names, also outside the cell's namespace.
 
     Args:
-        recorded: topics of the bag; those without messages do not count.
+        reader: of the bag; topics without messages do not count.
         cell: the namespace; None: the first in which a cell was recorded.
+
+    Attributes:
+        starts: the settings messages of the cell's nodes in order; empty if none were recorded.
+
+    Raises:
+        SloshBagError: the bag or what a node says in it cannot be read.
     """
 
-    def __init__(self, recorded: Mapping[str, TopicInfo], cell: str | None = None) -> None:
+    def __init__(self, reader: BagReader, cell: str | None = None) -> None:
+        recorded = reader.topics()
         self._topics = {name: info.message_type for name, info in recorded.items() if info.count}
-        own = {
+        told = {
+            _namespace(topic): tuple(settings.read_starts(reader, topic))
+            for topic, kind in self._topics.items()
+            if _last(topic) == settings.TOPIC and kind == settings.MESSAGE_TYPE
+        }
+        names = {home: _full_names(starts) for home, starts in told.items()}
+        claimed = {full for of_cell in names.values() for fulls in of_cell.values()
+                   for full in fulls}  # fmt: skip
+        own = names.keys() | {
             _namespace(topic)
             for topic, kind in self._topics.items()
-            if _OWN.get(_last(topic)) == kind
+            if _OWN.get(_last(topic)) == kind and topic not in claimed
         }
         self._home = min(own, default=None) if cell is None else f"/{cell.strip('/')}".rstrip("/")
         self._others = own - {self._home}
+        self.starts: tuple[NodeStart, ...] = told.get(self._home or "", ())
+        self._names = names.get(self._home or "", {})
+        mine = {full for fulls in self._names.values() for full in fulls}
+        self._foreign = claimed - mine - _SHARED
 
     @property
     def cells(self) -> tuple[str, ...]:
@@ -149,14 +158,27 @@ class CellTopics:
         """Whether the bag contains any topic of the cell."""
         return any(_namespace(topic) == self._home for topic in self._topics)
 
+    def told(self, name: str) -> str:
+        """Returns a topic's full name as the cell's nodes told it; empty if none did."""
+        return next(iter(self._names.get(name.strip("/"), ())), "")
+
     def topic(self, name: str, message_type: str) -> str | None:
-        """Returns the cell's topic of a type whose name ends in `name`; None if there is none."""
+        """Returns the cell's topic of a type; None if there is none.
+
+        Args:
+            name: as nodes tell it, or the last part of the topic's name.
+            message_type: of its messages.
+        """
+        for full in self._names.get(name.strip("/"), ()):
+            if self._topics.get(full) == message_type:
+                return full
         found = [
             topic
             for topic, kind in self._topics.items()
-            if _last(topic) == name
+            if _last(topic) == name.rpartition("/")[2]
             and kind == message_type
             and _namespace(topic) not in self._others
+            and topic not in self._foreign
         ]
         return min(found, key=lambda topic: (_namespace(topic) != self._home, topic), default=None)
 
@@ -164,6 +186,16 @@ class CellTopics:
         """Selects the cell of a topic, by its namespace, if no cell is selected yet."""
         if self._home is None:
             self._home = _namespace(topic)
+
+
+def _full_names(starts: Sequence[NodeStart]) -> dict[str, tuple[str, ...]]:
+    """Returns the full names of the topics that nodes told, by their names in the cell."""
+    found: dict[str, tuple[str, ...]] = {}
+    for start in starts:
+        for name, full in start.topics.items():
+            key = name.strip("/")
+            found[key] = tuple(dict.fromkeys((*found.get(key, ()), full)))
+    return found
 
 
 def _namespace(topic: str) -> str:

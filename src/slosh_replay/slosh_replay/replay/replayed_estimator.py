@@ -134,7 +134,9 @@ class ReplayedEstimator:
         start = 0
         for index, act in sorted(actions, key=lambda action: action[0]):
             self._take(stamps, columns, used, start, index)
-            self._until_ns = int(stamps[index]) - 1
+            # A state may be that behind the last input that has come so far.
+            behind = index == len(stamps)
+            self._until_ns = int(stamps[-1]) if behind else int(stamps[index]) - 1
             act()
             start = index
         self._take(stamps, columns, used, start, count)

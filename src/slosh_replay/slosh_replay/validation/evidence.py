@@ -82,7 +82,7 @@ def read_noise(run: RecordedRun, cell: str | None, further: float) -> Noise:
     Raises:
         SloshBagError: the bag cannot be read.
     """
-    topic = CellTopics(run.topics, cell).topic(topics.FREE_SURFACE, SURFACE)
+    topic = CellTopics(run.reader, cell).topic(topics.FREE_SURFACE, SURFACE)
     blocks = [] if topic is None else list(run.reader.look_up([topic]))
     parts = [run.reader.columns(block, (*STAMP, "msh", "msh_stddev")) for block in blocks]
     if not parts:
