@@ -79,6 +79,10 @@ class Samples(NamedTuple):
             np.array([sample.slow for sample in samples], dtype=bool),
         )
 
+    def rows(self, chosen: NDArray[np.bool_]) -> Samples:
+        """Returns the samples that a mask (N,) selects."""
+        return Samples(*(None if column is None else column[chosen] for column in self))
+
     def one(self, index: int) -> Sample:
         """Returns the input sample at an index."""
         ax, ay, az = self.accelerations[index].tolist()

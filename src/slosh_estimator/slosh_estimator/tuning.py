@@ -44,6 +44,7 @@ class EstimatorTuning:
     # aligned.py
     moved: float = number(1e-6, "rad, m", "change of a joint or a transform that moves")
     slower: float = number(1.5, "1", "ratio of intervals at which a slower stream leads")
+    leading_ns: int = number(SECOND // 20, "ns", "longest interval of a stream that leads")
     kept_states: int = number(1024, "1", "values of a stream that are kept")
     set_back_ns: int = number(SECOND, "ns", "stamps that go back so far are another time")
     silent_ns: int = number(SECOND, "ns", "time that a stream may be behind the others")
