@@ -2,8 +2,8 @@
 
 The moments are those of the slowest stream that moves: nothing is made up between its values. The
 others are interpolated linearly there; what has not moved yet is held. Where all come in one
-stream, or with the same stamps, nothing is interpolated at all. A stream too slow to be integrated,
-such as a localisation's corrections, leads only where no faster one moves.
+stream, or with the same stamps, nothing is interpolated at all. A stream that is too slow to be
+integrated, such as a localisation's corrections, leads only where no faster one moves.
 """
 
 from __future__ import annotations

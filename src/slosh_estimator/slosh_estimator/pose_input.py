@@ -108,6 +108,7 @@ class PoseInput(CheckedInput):
         self._noun = noun
         self._to_and_fro, self._stairs = ToAndFro(noun), Stairs(noun, self.STAIR)
         self._leaps, self._aside, self._largest = 0, 0, Leap(0.0, 0.0, 0.0)
+        self._aside_values: tuple[float, ...] = ()
         self._count, self._seconds = count, 0.0 if count else float(window)
         self._poses = KeptPoses()
         self._at = count // 2  # the next centre
@@ -280,19 +281,19 @@ class PoseInput(CheckedInput):
 
         Poses that leap are set aside; if so many follow each other, the motion is a new one.
         """
-        poses = self._poses
+        poses, leap = self._poses, Leap(0.0, 0.0, 0.0)
         seconds = (stamp_ns - poses.newest_ns) * SECONDS_PER_NS if len(poses) else 0.0
-        if not 0.0 < seconds <= self.gate.max_gap_ns * SECONDS_PER_NS:
-            return False
-        leap = Leap.between(poses.values[-1].tolist(), values, seconds)
-        leaped = not leap.is_small() and leap.is_beyond(poses.changes(), self.sampling.seconds)
-        if leaped:
-            self._aside += 1
+        leaped = self._aside > 0 and Leap.between(self._aside_values, values, 0.0).is_small()
+        if not leaped and 0.0 < seconds <= self.gate.max_gap_ns * SECONDS_PER_NS:
+            leap = Leap.between(poses.values[-1].tolist(), values, seconds)
+            leaped = not leap.is_small() and leap.is_beyond(poses.changes(), self.sampling.seconds)
+        if leaped and len(poses):
+            self._aside, self._aside_values = self._aside + 1, values
             self._largest = max(self._largest, leap)
-        else:
-            self._leaps += self._aside % TUNING.agreeing
-            self._aside = 0
-        return leaped
+            return True
+        self._leaps += self._aside % TUNING.agreeing
+        self._aside = 0
+        return False
 
     def message_doubts(self) -> tuple[Doubt, ...]:
         """Returns what messages that contradict each other show."""

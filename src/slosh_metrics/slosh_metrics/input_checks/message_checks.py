@@ -4,9 +4,8 @@ Each check takes the messages in the order in which they came, live, from a reco
 table alike, and costs some additions per message:
 
 - `Leap`: a pose that leaps away and back, as a driver sends zeros now and then. It is not used.
-- `ToAndFro`: two publishers on one topic, one of them late: the motion goes to and fro between
-  successive messages, although it leads somewhere. A single publisher's does not, whatever its
-  stamps say.
+- `ToAndFro`: two publishers on one topic, one of them late: single steps lead back although the
+  motion leads on. A single publisher's do not, whatever its stamps say.
 - `Stairs`: values that are renewed at a lower rate than they are sent.
 - `TwistCheck`: a velocity that is not the change of the pose beside it.
 - `unstamped`: stamps that were never filled.
@@ -94,10 +93,12 @@ class ToAndFro:
         self.found = False
         self.raised: Doubt | None = None
         self._noun = noun
-        self._steps: deque[Vector] = deque(maxlen=TUNING.fro_window)
+        self._steps: deque[Vector] = deque([_NOWHERE], maxlen=TUNING.fro_window)
         self._backs: deque[float] = deque(maxlen=TUNING.fro_window)
         self._last: Vector | None = None
-        self._noise = math.inf
+        self._turned = False  # whether the last step led back
+        self._size = self._before = 0.0  # of the last two steps
+        self._noise = self._finest = math.inf
         self._straight = 0
 
     def take(self, position: Vector) -> None:
@@ -106,10 +107,14 @@ class ToAndFro:
         if last is None:
             return
         step = position[0] - last[0], position[1] - last[1], position[2] - last[2]
-        before = self._steps[-1] if self._steps else _NOWHERE
+        size = math.hypot(*step)
+        turns = sum(a * b for a, b in zip(step, self._steps[-1], strict=True)) < 0.0
+        lone = turns and self._turned
+        self._backs.append(min(self._size, max(size, self._before)) if lone else 0.0)
+        self._turned, self._before, self._size = turns, self._size, size
         self._steps.append(step)
-        dot = step[0] * before[0] + step[1] * before[1] + step[2] * before[2]
-        self._backs.append(min(math.hypot(*step), math.hypot(*before)) if dot < 0.0 else 0.0)
+        if 0.0 < size < self._finest:
+            self._finest = size  # rounded positions flicker by this
         if len(self._steps) == TUNING.fro_window:
             self._judge(math.hypot(*map(sum, zip(*self._steps, strict=True))))
 
@@ -126,7 +131,10 @@ class ToAndFro:
             return
         self._straight = 0
         mean = sum(backs) / len(backs)
-        if mean > TUNING.fro_noises * self._noise and way > TUNING.fro_leads * mean:
+        if (
+            mean > TUNING.fro_noises * max(self._noise, self._finest)
+            and way > TUNING.fro_leads * mean
+        ):
             self.found = True
             self.raised = Doubt(f"successive {self._noun} go to and fro: {MIXED_INPUT}")
 
@@ -298,4 +306,3 @@ def _integrated(total: Vector, half: float, before: Vector, now: Vector) -> Vect
 
 def _difference(one: Vector, other: Vector) -> Vector:
     return one[0] - other[0], one[1] - other[1], one[2] - other[2]
-

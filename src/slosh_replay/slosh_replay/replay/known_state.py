@@ -142,8 +142,7 @@ class KnownState:
             before[follower], count[follower] = total[start.place], 0
         lacking = counts[rows] - count[:-1] != total[rows + 1] - before[:-1]
         lost = [
-            _Event(int(rows[k]), _LOST, int(moment[k]))
-            for k in np.flatnonzero(lacking).tolist()
+            _Event(int(rows[k]), _LOST, int(moment[k])) for k in np.flatnonzero(lacking).tolist()
         ]
         self.breaks += sum(event.stamp_ns > _LONG_AGO for event in lost)
         self._count, self._since = int(count[-1]), int(total[-1] - before[-1])

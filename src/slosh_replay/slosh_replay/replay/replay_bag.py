@@ -25,7 +25,7 @@ from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.validity import attitude_warning
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
-from slosh_model.tilt import attitude_of, ignored_text, with_tilt
+from slosh_model.tilt import added_text, attitude_of, ignored_text, with_tilt
 from slosh_msgs_py.topics import (
     CALM,
     COMPARISON,
@@ -125,7 +125,7 @@ def replay_bag(
     watched, limit_changes = (monitor, []) if monitor else _monitor_settings(sources)
     watched, limit_changes = _with_rim(watched, limit_changes, used, told=model is None)
     if _is_turning_table(sources, used):
-        return _replay_table_bag(path, reader, sources, plain, watched, outputs)
+        return _replay_table_bag(path, reader, sources, (plain, used), watched, outputs)
     tray = settings.tray_of(started) if started and model is None else None
     if tray is not None and used is not plain:
         tray = tray.of(partial(how.felt, sources.kind))
@@ -279,11 +279,15 @@ def _replay_table_bag(
     path: Path,
     reader: BagReader,
     sources: Sources,
-    model: Model,
+    models: tuple[Model, Model],
     monitor: MonitorSettings,
     outputs: Outputs | None,
 ) -> ReplayResult:
-    """Replays the motion table from which a bag was created, with its attitude."""
+    """Replays the motion table from which a bag was created, with its attitude.
+
+    The models are the given one, and that with gravity along a tilted floor.
+    """
+    given, model = models
     table = read_bag_table(path, TableSettings()).table
     origin_ns = int(sources.facts.get(TABLE_ORIGIN, 0))
     result = replay_table(
@@ -291,10 +295,11 @@ def _replay_table_bag(
         outputs=outputs,
     )  # fmt: skip
     blind = table.attitude is None and table.angular_velocity is None
-    blind_warnings = (f"{path}: {attitude_warning(model, sources.kind)}",) if blind else ()
-    return replace(
-        result, warnings=(*_warnings(path, reader, sources), *blind_warnings, *result.warnings)
-    )
+    told = [attitude_warning(model, sources.kind)] if blind else []
+    added = added_text(given, attitude_of(table)) if model is not given else ""
+    told += [f"the container {added}"] if added else []
+    said = [*_warnings(path, reader, sources), *(f"{path}: {line}" for line in told)]
+    return replace(result, warnings=(*said, *result.warnings))
 
 
 def _warnings(path: Path, reader: BagReader, sources: Sources) -> list[str]:

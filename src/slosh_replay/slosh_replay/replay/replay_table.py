@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,6 @@ from slosh_estimator.sample import Samples
 from slosh_metrics.input_checks.table_checks import InputDoubt, motion_doubts
 from slosh_model.model import Model
 from slosh_model.pose import pose_rows
-from slosh_model.tilt import added_text, attitude_of, with_tilt
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.recording.inputs import InputReader
 from slosh_replay.replay.conclusion import conclude
@@ -85,7 +83,7 @@ def replay_table(
     Args:
         name: how the result is called.
         table: the motion, with `msh` or `eta`.
-        model: container and liquid; gravity along a tilted floor is added.
+        model: container and liquid.
         monitor: limits that are watched.
         source: what drives the models, for the result; None: the table.
         origin_ns: stamp of the time 0 [ns].
@@ -100,8 +98,6 @@ def replay_table(
     stamps = np.rint(table.t * 1e9).astype(np.int64) + origin_ns
     columns = _columns(stamps, table)
     limits = (monitor or MonitorSettings()).under_rim(model)
-    added = added_text(model, attitude_of(table))
-    model = with_tilt(model, attitude_of(table))
     setting = Setting(model, TableReader(table), limits, outputs=outputs or Outputs())
     with Series(4) as series:
         stream = ReplayStream(name, node_table(), setting, series)
@@ -112,9 +108,7 @@ def replay_table(
             stream.add_measurements(_measurements(stamps[rows], heights[rows]), newest)
             stream.advance()
         stream.advance(final=True)
-        result = conclude(name, source or name, stream)
-    told = (f"{name}: the container {added}",) if added else ()
-    return replace(result, warnings=(*told, *result.warnings))
+        return conclude(name, source or name, stream)
 
 
 def _columns(stamps: Integers, table: MotionTable) -> dict[str, NDArray[Any]]:
