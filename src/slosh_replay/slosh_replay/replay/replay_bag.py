@@ -193,8 +193,9 @@ def replay_bag(
 
 def _is_as_recorded(started: NodeStart | None, sources: Sources, model: Model | None) -> bool:
     """Returns whether the model is that of the recorded node, and its input is replayed."""
-    recorded = started is not None and model is None
-    return recorded and started.parameters.get("input", sources.kind) == sources.kind
+    if started is None or model is not None:
+        return False
+    return bool(started.parameters.get("input", sources.kind) == sources.kind)
 
 
 def _felt(path: Path, sources: Sources, how: InputSettings, model: Model) -> Model:
