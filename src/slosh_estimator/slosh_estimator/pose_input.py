@@ -162,6 +162,8 @@ class PoseInput(CheckedInput):
         doubtful = doubtful and self.flags
         jumped = verdict is SampleVerdict.USE and leaped  # and did not come back
         self.jumps += jumped
+        if leaped:  # what was set aside is the new motion
+            self._aside = 0
         if restarted or jumped:
             self._poses.clear()
             self._at = self._count // 2

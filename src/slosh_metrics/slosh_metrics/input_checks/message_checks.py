@@ -260,7 +260,7 @@ class TwistCheck:
                 "attitude is not known; turns are not seen",
                 wrong=False,
             )
-        if parents < TUNING.twist_error * max(way, told):
+        if parents < TUNING.twist_error * way:
             return Doubt(
                 "the twist of the odometry agrees with its pose in the axes of header.frame_id; "
                 f"it must have those of child_frame_id: {remedy}"
