@@ -54,6 +54,25 @@ def test_poses_with_a_chosen_window_go_on_with_the_same_bits(every, tmp_path):
     assert sum(found.unchecked.values()) < found.recorded
 
 
+LATE = ((0, 316, 4), (516, 601, 2), (601, 796, 4), (1243, 1580, 4))
+"""Of a busy machine: from and to which input the live node got one in so many in time."""
+
+
+@pytest.mark.parametrize("late", [LATE, ((0, 1300, 4),), ((0, 600, 20),)])
+def test_inputs_that_came_too_late_live_neither_set_time_back_nor_differ(late, tmp_path):
+    live = LiveBag("pose")
+    live.states, live.pose_window, live.every, live.checks = True, 0.0, 5, True
+    live.unused = {
+        index
+        for start, end, share in late
+        for index in range(start, end)
+        if index % 5 == 0 and (index // 5) % share
+    }
+    found = replay_bag(live.write(tmp_path / "bag")).verification
+    assert found.exact, found.lines()
+    assert found.recorded > 0.4 * (found.recorded + sum(found.unchecked.values()))
+
+
 @pytest.mark.first(1)
 @pytest.mark.parametrize("model", [TANK, REMEMBERING], ids=["tank", "remembering"])
 def test_the_state_is_all_that_the_answers_depend_on(model, tmp_path):

@@ -12,11 +12,13 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bag.reader import BagReader
 from slosh_bringup.cli.main import main
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.robot import available
 from slosh_model.model_text import parse_model
 from slosh_model.simulate import Inputs, simulate
 from slosh_replay.recording.sources import find_sources
 from slosh_replay.replay import replay_bag
+from slosh_replay.split import split_bag
 from slosh_tables.motion_table import read_motion_table
 from slosh_testing.rail_robot import (
     JOINTS,
@@ -201,7 +203,7 @@ class Maker:
             own = self.vector(float(c * v.x + s * v.y), float(c * v.y - s * v.x), v.z)
             twist = self._types["geometry_msgs/msg/Twist"](own, twist.angular)
             pose = self._types["geometry_msgs/msg/Pose"](
-                self.vector(0.0, 0.0, 0.0, "Point"),
+                self.vector(*cup_position(*swung(t)).tolist(), "Point"),
                 self.turn(0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)),
             )
             with_ = self._types["geometry_msgs/msg/PoseWithCovariance"](pose, none)
@@ -302,3 +304,109 @@ def test_a_chain_that_is_not_in_the_bag_is_told(tmp_path, capsys):
     (tmp_path / "model.yaml").write_text(TEXT)
     assert main(["replay", str(bag), "--model", str(tmp_path / "model.yaml")]) == 2
     assert "the transforms do not connect 'world' with 'container'" in capsys.readouterr().err
+
+
+def unfilled(message: Any) -> None:
+    message.twist.twist.linear.x = message.twist.twist.linear.y = 0.0
+
+
+def in_another_unit(message: Any) -> None:
+    linear = message.twist.twist.linear
+    linear.x, linear.y = 3.28 * linear.x, 3.28 * linear.y
+
+
+@pytest.mark.parametrize(
+    ("spoil", "word"), [(unfilled, "stays zero"), (in_another_unit, "unit, axes or clock")]
+)
+def test_a_twist_that_its_own_pose_contradicts_is_named(tmp_path, spoil, word, capsys):
+    def made(maker: Maker) -> Iterator[Message]:
+        for entry in maker.odometry():
+            spoil(entry[3])
+            yield entry
+
+    bag, table = write(tmp_path / "bag", made), tmp_path / "motion.csv"
+    assert main(["export", str(bag), "--motion", "-o", str(table)]) == 0
+    assert word in capsys.readouterr().err
+    warnings = replay_bag(bag, parse_model(TEXT)).warnings
+    assert any(word in line for line in warnings), warnings
+
+
+def test_stamps_that_were_never_filled_are_refused(tmp_path, capsys):
+    def made(maker: Maker) -> Iterator[Message]:
+        for topic, kind, log_ns, message in maker.odometry():
+            message.header.stamp.sec = message.header.stamp.nanosec = 0
+            yield topic, kind, log_ns, message
+
+    bag, model = write(tmp_path / "bag", made), tmp_path / "model.yaml"
+    model.write_text(TEXT)
+    assert main(["replay", str(bag), "--model", str(model)]) == 2
+    assert "stamped 0" in capsys.readouterr().err
+    assert main(["export", str(bag), "--motion", "-o", str(tmp_path / "motion.csv")]) == 2
+    assert "stamped 0" in capsys.readouterr().err
+
+
+def tilting(maker: Maker) -> Iterator[Message]:
+    """Yields transforms of a container that tilts by 14 degrees where it stands."""
+    kind = "tf2_msgs/msg/TFMessage"
+    for t in TIMES.tolist():
+        half = 0.5 * np.radians(14.0) * min(max(t / 0.5, 0.0), 1.0)
+        turn = maker.turn(0.0, float(np.sin(half)), 0.0, float(np.cos(half)))
+        moved = maker._types["geometry_msgs/msg/Transform"](maker.vector(0.0, 0.0, 0.8), turn)
+        stamped = maker._types["geometry_msgs/msg/TransformStamped"]
+        link = stamped(maker.header(t, "world"), "container", moved)
+        yield "/tf", kind, BEGIN + round(t * 1e9), maker._types[kind]([link])
+
+
+def test_a_replay_feels_the_tilt_as_the_live_cell_does(tmp_path):
+    plain = parse_model(TEXT)
+    bag = write(tmp_path / "bag", tilting)
+    blind = MonitorSettings(camera=False)
+    found = replay_bag(bag, plain, blind)
+    told = replay_bag(bag, plain.with_gravity_tilt(), blind)
+    assert found.model == told.model
+    heights = [np.nanmax(one.heights[one.model.name]) for one in (found, told)]
+    assert heights[0] == heights[1] > 0.005
+    assert any("gravity_tilt is added" in line for line in found.warnings), found.warnings
+    assert not any("gravity_tilt" in line for line in told.warnings)
+
+
+def test_transforms_whose_clock_was_set_back_are_split(tmp_path):
+    """The fixed transforms count for both parts, whatever the recorder noted of them."""
+
+    def twice(maker: Maker) -> Iterator[Message]:
+        for shift in (0, 5 * 10**9):
+            for topic, kind, log_ns, message in maker.transforms():
+                if topic == "/tf" or not shift:
+                    yield topic, kind, log_ns + shift * (topic == "/tf"), message
+
+    bag = write(tmp_path / "bag", twice)
+    parts = split_bag(bag, tmp_path / "parts", lambda count: None)
+    assert len(parts) == 2
+    used = [replay_bag(part, parse_model(TEXT)).counters["samples_used"] for part in parts]
+    assert used[1] > 0.9 * used[0] > 500
+
+
+@pytest.mark.parametrize("ahead", [0.0, 0.3])
+def test_a_slow_localisation_neither_leads_nor_holds_up(tmp_path, ahead):
+    """World to odom comes at 10 Hz, stamped ahead, and is corrected once at rest."""
+
+    def made(maker: Maker) -> Iterator[Message]:
+        kind = "tf2_msgs/msg/TFMessage"
+        yield from (one for one in maker.transforms() if one[0] == "/tf_static")
+        frames = [one for one in maker.transforms() if one[0] == "/tf"]
+        for k, (topic, _, log_ns, message) in enumerate(frames):
+            message.transforms[1].header.frame_id = "odom"
+            if k % 25 == 0:
+                moved = maker._types["geometry_msgs/msg/Transform"](
+                    maker.vector(0.0, 0.0, 0.0), maker.turn(0.0, 0.0, 0.0, 1.0)
+                )
+                stamped = maker._types["geometry_msgs/msg/TransformStamped"]
+                t = 1e-9 * (log_ns - BEGIN) + ahead
+                link = stamped(maker.header(t, "world"), "odom", moved)
+                yield topic, kind, log_ns, maker._types[kind]([link])
+            yield topic, kind, log_ns + 1, message
+
+    bag, model = write(tmp_path / "bag", made), parse_model(TEXT)
+    result = replay_bag(bag, model, MonitorSettings(camera=False))
+    assert np.nanmax(result.heights[result.model.name]) == pytest.approx(truth(), rel=0.02)
+    assert result.counters["gaps"] == 0

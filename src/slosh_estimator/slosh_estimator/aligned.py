@@ -2,7 +2,8 @@
 
 The moments are those of the slowest stream that moves: nothing is made up between its values. The
 others are interpolated linearly there; what has not moved yet is held. Where all come in one
-stream, or with the same stamps, nothing is interpolated at all.
+stream, or with the same stamps, nothing is interpolated at all. A stream that is too slow to be
+integrated, such as a localisation's corrections, leads only where no faster one moves.
 """
 
 from __future__ import annotations
@@ -90,9 +91,11 @@ class AlignedStreams(Generic[Key]):
         return found
 
     def _choose(self) -> _Stream:
-        """Returns the slowest stream with changed values; the slowest of all if none changed."""
+        """Returns the slowest stream with changed values that is not too slow to lead."""
         streams = list(self._streams.values())
         moving = [stream for stream in streams if stream.moved] or streams
+        fast = [stream for stream in moving if stream.interval_ns <= TUNING.leading_ns]
+        moving = fast or moving
         slowest = max(moving, key=lambda stream: stream.interval_ns)
         leader = self._leader
         if leader not in moving or slowest.interval_ns > TUNING.slower * leader.interval_ns:

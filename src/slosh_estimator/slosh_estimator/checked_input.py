@@ -31,6 +31,20 @@ class CheckedInput:
         """The current fault of the input, or None if no fault is known."""
         return self.check.doubt if self.flags else None
 
+    def message_doubts(self) -> tuple[Doubt, ...]:
+        """Returns what messages that contradict themselves or each other show."""
+        return ()
+
+    @property
+    def contested(self) -> bool:
+        """Whether successive messages show two publishers."""
+        return False
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether messages contradict themselves, so that what follows from them is wrong."""
+        return False
+
     def remark(self) -> str | None:
         """Returns a remark about settings without effect, or None if there are none."""
         return None

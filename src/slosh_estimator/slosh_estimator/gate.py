@@ -20,6 +20,7 @@ class SampleVerdict(Enum):
     USE = "used"
     RESTART = "used after a gap"
     STALE = "stale"
+    UNSTAMPED = "stamped 0"
     AHEAD = "stamped in the future"
     REPEATED = "repeated"
     DISORDERED = "out of order"
@@ -222,7 +223,8 @@ class SampleGate:
         if fault is not None:
             return fault
         if now_ns is not None and not -self._max_age_ns <= now_ns - stamp_ns <= self._max_age_ns:
-            return SampleVerdict.STALE if stamp_ns < now_ns else SampleVerdict.AHEAD
+            early = SampleVerdict.STALE if stamp_ns else SampleVerdict.UNSTAMPED
+            return early if stamp_ns < now_ns else SampleVerdict.AHEAD
         last = self._last_ns
         if last is not None and stamp_ns <= last:
             if stamp_ns == last:

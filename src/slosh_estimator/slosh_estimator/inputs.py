@@ -22,6 +22,7 @@ from slosh_estimator.sampling import Modes
 from slosh_estimator.transform_poses import TransformPoses
 from slosh_estimator.velocity_input import VelocityInput
 from slosh_metrics.mounting.verdict import Expected
+from slosh_model.model import TILT, Model
 from slosh_msgs_py.topics import DRIVING
 
 ACCEL, IMU, POSE = "accel", "imu", "pose"
@@ -59,6 +60,7 @@ VELOCITIES = (ODOMETRY, TWIST)
 """Kinds whose messages tell velocities."""
 WINDOWED = (*POSES, *VELOCITIES)
 """Kinds that are differentiated in a sliding window: their estimates come later than they do."""
+ADDED = f"the effect {TILT} is added to the model: the poses contain the container's tilt"
 _NOUNS = {
     POSE: "poses", JOINTS: "joint states", TRANSFORMS: "transforms", ODOMETRY: "odometry messages",
     TWIST: "velocities",
@@ -232,6 +234,17 @@ class InputSettings(NamedTuple):
         arm = not in_world and (kind == IMU or frame != container)
         rotation, place = np.array(self.transform.matrix), np.array(self.transform.to_origin)
         return Expected(rotation, place, kind == IMU, arm), in_world
+
+    def felt(self, kind: str, model: Model) -> Model:
+        """Returns the model that an input drives; the only rule for live runs and replays.
+
+        Where the input tells the container's attitude, gravity acts along its tilted floor.
+
+        Args:
+            kind: of the input.
+            model: as it was given.
+        """
+        return model.with_gravity_tilt() if kind in WINDOWED or self.placed else model
 
     def poses(self, kind: str) -> PoseSource | None:
         """Returns the converter of a message type to poses; None if the type needs no converter.

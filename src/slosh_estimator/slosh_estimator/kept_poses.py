@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from slosh_estimator.rotation import Vector
+from slosh_metrics.input_checks.message_checks import Leap
+from slosh_metrics.tuning import TUNING
 
 NUMBERS = 7
 """Of a pose: position and quaternion."""
@@ -38,6 +41,13 @@ class KeptPoses:
         """Position of the newest pose [m]."""
         x, y, z = self._all_values[self._size - 1, :3].tolist()
         return x, y, z
+
+    def changes(self) -> list[Leap]:
+        """Returns the last changes from pose to pose, TUNING.leap_before of them at most."""
+        first = max(self._size - 1 - TUNING.leap_before, 0)
+        stamps, values = self.stamps[first:].tolist(), self.values[first:].tolist()
+        pairs = zip(pairwise(values), pairwise(stamps), strict=True)
+        return [Leap.between(*poses, (after - before) * 1e-9) for poses, (before, after) in pairs]
 
     def clear(self) -> None:
         """Removes all poses."""

@@ -34,7 +34,10 @@ from slosh_estimator.sample import SECONDS_PER_NS, Sample
 from slosh_estimator.sampling import MEMORY, Modes, Sampling
 from slosh_estimator.state import remembered
 from slosh_estimator.tuning import TUNING
+from slosh_metrics.input_checks.constant_meaning import Doubt
 from slosh_metrics.input_checks.input_checks import PoseCheck
+from slosh_metrics.input_checks.message_checks import Leap, Stairs, ToAndFro, leap_doubt
+from slosh_metrics.tuning import TUNING as CHECKS
 
 MINIMUM_WINDOW = 2 * FEWEST + 1
 
@@ -69,6 +72,8 @@ class PoseInput(CheckedInput):
     """Of the derivative of the vectors that come."""
     LARGEST = TUNING.farthest
     """Size up to which a vector is possible."""
+    STAIR = CHECKS.stair_way
+    """Change of the vector that is a motion."""
 
     def __init__(
         self,
@@ -100,6 +105,10 @@ class PoseInput(CheckedInput):
         remedy = f"set {given} to 0.0" if given else "use the input accel or imu"
         self.sampling = Sampling(noun, self._gain, remedy)
         self.jumps = 0
+        self._noun = noun
+        self._to_and_fro, self._stairs = ToAndFro(noun), Stairs(noun, self.STAIR)
+        self._leaps, self._aside, self._largest = 0, 0, Leap(0.0, 0.0, 0.0)
+        self._aside_values: tuple[float, ...] = ()
         self._count, self._seconds = count, 0.0 if count else float(window)
         self._poses = KeptPoses()
         self._at = count // 2  # the next centre
@@ -137,17 +146,24 @@ class PoseInput(CheckedInput):
         elif frame != self._frame and self._strange(frame):
             return []
         fault = fault_of(position, self.LARGEST) or _fault_of_attitude(quaternion)
+        leaped = False
+        if fault is None:
+            self._look(stamp_ns, position, quaternion)
+            position, quaternion = self._tool.container(position, quaternion)
+            leaped = self._leaped(stamp_ns, (*position, *quaternion))
+            fault = SampleVerdict.JUMP if leaped and self._aside < TUNING.agreeing else None
         verdict = self.gate.judge(stamp_ns, None, now_ns, fault)
         if verdict not in (SampleVerdict.USE, SampleVerdict.RESTART):
             return []
-        position, quaternion = self._tool.container(position, quaternion)
         restarted = verdict is SampleVerdict.RESTART
         doubtful = self.check.add(
             stamp_ns, self._place_of(stamp_ns, position), quaternion, restarted=restarted
         )
         doubtful = doubtful and self.flags
-        jumped = verdict is SampleVerdict.USE and self._jumped(stamp_ns, position)
+        jumped = verdict is SampleVerdict.USE and leaped  # and did not come back
         self.jumps += jumped
+        if leaped:  # what was set aside is the new motion
+            self._aside = 0
         if restarted or jumped:
             self._poses.clear()
             self._at = self._count // 2
@@ -214,8 +230,8 @@ class PoseInput(CheckedInput):
             return self.refusal()
         if self.jumps:
             return (
-                f"{self.jumps} jumps of more than {TUNING.fastest_move:g} m/s in the pose: check "
-                "the tracker, and that positions are in m"
+                f"{self.jumps} jumps in the {self._noun} that last: check the tracker, and that "
+                "positions are in m"
             )
         return None
 
@@ -255,13 +271,47 @@ class PoseInput(CheckedInput):
         """Returns the pose's position [m], as used by the plausibility check."""
         return vector
 
-    def _jumped(self, stamp_ns: int, position: tuple[float, float, float]) -> bool:
-        if not len(self._poses):
-            return False
-        seconds = (stamp_ns - self._poses.newest_ns) * SECONDS_PER_NS
-        # What a coarse position steps by is no speed where two stamps lie close together.
-        farthest = TUNING.fastest_move * seconds + TUNING.pose_step
-        return math.dist(position, self._poses.newest_position) > farthest
+    def _look(
+        self, stamp_ns: int, position: Vector, quaternion: tuple[float, float, float, float]
+    ) -> None:
+        """Checks a message against those before it."""
+        self._to_and_fro.take(position)
+        self._stairs.take(stamp_ns, (*position, *quaternion))
+
+    def _leaped(self, stamp_ns: int, values: tuple[float, ...]) -> bool:
+        """Returns whether a pose is none to which the motion of those before it leads.
+
+        Poses that leap are set aside; if so many follow each other, the motion is a new one.
+        """
+        poses, leap = self._poses, Leap(0.0, 0.0, 0.0)
+        seconds = (stamp_ns - poses.newest_ns) * SECONDS_PER_NS if len(poses) else 0.0
+        leaped = self._aside > 0 and Leap.between(self._aside_values, values, 0.0).is_small()
+        if not leaped and 0.0 < seconds <= self.gate.max_gap_ns * SECONDS_PER_NS:
+            leap = Leap.between(poses.values[-1].tolist(), values, seconds)
+            leaped = not leap.is_small() and leap.is_beyond(poses.changes(), self.sampling.seconds)
+        if leaped and len(poses):
+            self._aside, self._aside_values = self._aside + 1, values
+            self._largest = max(self._largest, leap)
+            return True
+        self._leaps += self._aside % TUNING.agreeing
+        self._aside = 0
+        return False
+
+    def message_doubts(self) -> tuple[Doubt, ...]:
+        """Returns what messages that contradict each other show."""
+        leaps = leap_doubt(self._leaps, self._largest, self._noun) if self._leaps else None
+        found = (self._to_and_fro.raised, self._stairs.raised, leaps)
+        return tuple(doubt for doubt in found if doubt is not None)
+
+    @property
+    def contested(self) -> bool:
+        """Whether successive messages show two publishers."""
+        return self.flags and self._to_and_fro.found
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether values are renewed at a lower rate than they are sent."""
+        return self.flags and self._stairs.found
 
     def _gain(self, frequency: float, interval: float) -> float:
         return self._filter_of(self.sampling.modes).gain(frequency, interval)

@@ -79,6 +79,16 @@ class Samples(NamedTuple):
             np.array([sample.slow for sample in samples], dtype=bool),
         )
 
+    def rows(self, chosen: NDArray[np.bool_]) -> Samples:
+        """Returns the samples that a mask (N,) selects."""
+        return Samples(
+            self.stamps[chosen], self.accelerations[chosen], self.yaws[chosen],
+            self.restarted[chosen],
+            None if self.poses is None else self.poses[chosen],
+            None if self.doubtful is None else self.doubtful[chosen],
+            None if self.slow is None else self.slow[chosen],
+        )  # fmt: skip
+
     def one(self, index: int) -> Sample:
         """Returns the input sample at an index."""
         ax, ay, az = self.accelerations[index].tolist()

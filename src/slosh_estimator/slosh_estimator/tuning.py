@@ -36,7 +36,6 @@ class EstimatorTuning:
     phase_step: float = number(0.25, "rad", "largest step between accelerations, ωT")
     # pose_input.py
     fastest_move: float = number(20.0, "m/s", "speed above which a tracker jumps")
-    pose_step: float = number(5e-3, "m", "step of a coarse position that is no jump")
     farthest: float = number(1e4, "m", "largest distance of a container from the origin")
     lengths: tuple[float, float] = number((1e-3, 1e3), "1", "lengths that a quaternion may have")
     clock_poses: int = number(32, "1", "number of poses that determine the even clock")
@@ -44,6 +43,7 @@ class EstimatorTuning:
     # aligned.py
     moved: float = number(1e-6, "rad, m", "change of a joint or a transform that moves")
     slower: float = number(1.5, "1", "ratio of intervals at which a slower stream leads")
+    leading_ns: int = number(SECOND // 20, "ns", "longest interval of a stream that leads")
     kept_states: int = number(1024, "1", "values of a stream that are kept")
     set_back_ns: int = number(SECOND, "ns", "stamps that go back so far are another time")
     silent_ns: int = number(SECOND, "ns", "time that a stream may be behind the others")

@@ -24,6 +24,9 @@ from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.rotation import Vector
 from slosh_estimator.sample import SECONDS_PER_NS, Sample
 from slosh_estimator.tuning import TUNING
+from slosh_metrics.input_checks.constant_meaning import Doubt
+from slosh_metrics.input_checks.message_checks import TwistCheck
+from slosh_metrics.tuning import TUNING as CHECKS
 
 _NOWHERE: Vector = (0.0, 0.0, 0.0)
 _OWN = 8
@@ -39,6 +42,7 @@ class Twist(NamedTuple):
         angular: velocity [rad/s].
         attitude: x, y, z, w, world ← frame; None: not known.
         frame: whose axes the velocities have.
+        position: of the frame [m]; None: not known.
     """
 
     stamp_ns: int
@@ -46,6 +50,7 @@ class Twist(NamedTuple):
     angular: Vector
     attitude: Quaternion | None = None
     frame: str = ""
+    position: Vector | None = None
 
 
 class VelocityInput(PoseInput):
@@ -64,6 +69,7 @@ class VelocityInput(PoseInput):
 
     ORDER = 1
     LARGEST = TUNING.fastest_move
+    STAIR = CHECKS.stair_speed
 
     def __init__(
         self,
@@ -80,6 +86,7 @@ class VelocityInput(PoseInput):
         turn = sensor_from_container(mount)
         self._held = rotated(turn, mount.to_origin), turn  # where the container stands in it
         self._world = frames[0]
+        self._twists = TwistCheck()
         self._yaw = self._rate = 0.0
         self._place, self._velocity = _NOWHERE, _NOWHERE
         self._last_ns = 0
@@ -91,11 +98,15 @@ class VelocityInput(PoseInput):
             twist: in the world's axes where its frame is the world's, else in the moving frame's.
             now_ns: the time of arrival [ns].
         """
-        stamp_ns, linear, angular, attitude, frame = twist
+        stamp_ns, linear, angular, attitude, frame, position = twist
+        sent = linear
         in_world = bool(frame) and frame.lstrip("/") == self._world
         turned = self._integrated(stamp_ns, angular[2]) if attitude is None else attitude
         if not in_world:
             linear, angular = rotated(turned, linear), rotated(turned, angular)
+        if position is not None:
+            self._to_and_fro.take(position)
+            self._twists.take(stamp_ns, position, linear, sent)
         x, y, z = rotated(turned, self._held[0])
         wx, wy, wz = angular
         velocity = (
@@ -145,6 +156,20 @@ class VelocityInput(PoseInput):
         self._last_ns, self._velocity = stamp_ns, vector
         return self._place
 
-    def _jumped(self, stamp_ns: int, position: Vector) -> bool:
-        """Returns False: a jump of the velocity is no fault but a strong acceleration."""
+    def _look(self, stamp_ns: int, position: Vector, quaternion: Quaternion) -> None:
+        """Checks a velocity against those before it."""
+        self._stairs.take(stamp_ns, position)
+
+    def _leaped(self, stamp_ns: int, values: tuple[float, ...]) -> bool:
+        """Returns False: a leap of the velocity is no fault but a strong acceleration."""
         return False
+
+    def message_doubts(self) -> tuple[Doubt, ...]:
+        """Returns what messages that contradict themselves or each other show."""
+        doubt = self._twists.raised
+        return (*super().message_doubts(), *(() if doubt is None else (doubt,)))
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether the twist of the messages is not the change of their pose."""
+        return super().contradicted or (self.flags and self._twists.found)

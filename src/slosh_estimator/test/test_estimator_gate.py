@@ -24,13 +24,14 @@ def test_each_fault_is_dropped_and_counted_by_name() -> None:
     assert watched.judge(1001 * MS, (0.0, 2001.0, 0.0)) is SampleVerdict.IMPOSSIBLE
     assert watched.judge(1002 * MS, STILL, 1602 * MS) is SampleVerdict.STALE
     assert watched.judge(1602 * MS, STILL, 1002 * MS) is SampleVerdict.AHEAD
+    assert watched.judge(0, STILL, 1002 * MS) is SampleVerdict.UNSTAMPED
     assert watched.judge(1003 * MS, (20.1, 0.0, 0.0), 1004 * MS) is SampleVerdict.JUMP
     assert (
         watched.judge(1003 * MS, STILL, 1004 * MS, SampleVerdict.IMPOSSIBLE)
         is SampleVerdict.IMPOSSIBLE
     )
     assert watched.judge(1003 * MS, STILL, 1004 * MS) is SampleVerdict.USE
-    assert (watched.used, watched.dropped) == (2, 8)
+    assert (watched.used, watched.dropped) == (2, 9)
 
 
 def test_a_gap_restarts_and_its_limit_does_not() -> None:

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, SampleVerdict
@@ -131,13 +132,28 @@ def test_a_cubic_motion_is_exact_at_the_centre_s_own_stamp(
         assert (sample.ax, sample.ay, sample.az) == pytest.approx(expected, abs=1e-6)
 
 
-def test_a_jump_of_the_tracker_starts_the_window_anew() -> None:
+def test_a_jump_of_the_tracker_that_lasts_starts_the_window_anew() -> None:
     pose = PoseInput(GATE, 5)
-    samples = [pose.update(k * MS, (0.1 * (k >= 20), 0.0, 0.0), LEVEL) for k in range(30)]
+    samples = [pose.update(k * MS, (0.1 * (k >= 20), 0.0, 0.0), LEVEL) for k in range(34)]
     assert pose.jumps == 1
+    assert pose.gate.counts[SampleVerdict.JUMP] == 4
     assert all(s.ax == pytest.approx(0.0) for found in samples for s in found)
-    assert samples[20:24] == [[]] * 4
-    assert samples[24][0].restarted
+    assert samples[20:28] == [[]] * 8
+    assert samples[28][0].restarted
+
+
+@pytest.mark.parametrize("zeros", [1, 3])
+@pytest.mark.parametrize("rate", [30, 125])
+def test_zeros_now_and_then_are_not_used(zeros: int, rate: int) -> None:
+    pose = PoseInput(GATE, checks=True, noun="joint states")
+    found = []
+    for k in range(4 * rate):
+        at = (0.0, 0.0, 0.0) if k % rate < zeros and k > rate else (0.3, 0.2, 0.8)
+        found += pose.update(k * SECOND // rate, at, LEVEL)
+    assert max(abs(sample.ax) for sample in found) < 1e-9
+    (doubt,) = pose.message_doubts()
+    assert "leap by up to 0.88 m" in doubt.text
+    assert not doubt.wrong
 
 
 def test_yaw_is_the_attitude_s_twist_even_when_tilted() -> None:

@@ -11,14 +11,18 @@ from numpy.typing import NDArray
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.bag_contents import bag_contents
-from slosh_bag.reader import BagMessage, BagReader
+from slosh_bag.reader import BagMessage, BagReader, messages_of, stamp_ns
 from slosh_bag.recover import NotedDefinitions
 from slosh_base.files import check_outside, new_folder
+from slosh_estimator.inputs import TRANSFORMS
+from slosh_msgs_py import topics
 from slosh_replay.recording.inputs import STAMP, recorded_inputs, stamps_of
 from slosh_replay.recording.sources import Sources, find_sources
 from slosh_replay.strays import set_backs, strays_ahead
 
 PART = "part_{}"
+_TOLD_ONCE = {name.rpartition("/")[2] for name in (topics.TF_STATIC, topics.ROBOT_DESCRIPTION)}
+"""Topics that count for all parts, also where a recorder noted no quality of service."""
 
 
 def split_bag(path: Path, folder: Path, progress: Callable[[int], None]) -> list[Path]:
@@ -56,15 +60,35 @@ def split_bag(path: Path, folder: Path, progress: Callable[[int], None]) -> list
 
 def _cuts(reader: BagReader, sources: Sources) -> NDArray[np.int64]:
     """Returns the log times [ns] at which the input's clock was set back."""
-    each, log_ns = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
-    for block in reader.blocks([sources.input]):
-        each.append(stamps_of(reader.columns(block, STAMP)))
-        log_ns.append(block.log_ns)
-    stamps, logs = np.concatenate(each), np.concatenate(log_ns)
+    if sources.kind == TRANSFORMS:
+        stamps, logs = _transform_stamps(reader, sources.input)
+    else:
+        each, log_ns = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
+        for block in reader.blocks([sources.input]):
+            each.append(stamps_of(reader.columns(block, STAMP)))
+            log_ns.append(block.log_ns)
+        stamps, logs = np.concatenate(each), np.concatenate(log_ns)
     gap = recorded_inputs(sources.starts, sources.facts).gate.max_gap
     kept = ~strays_ahead(stamps, round(gap * 1e9))
     found: NDArray[np.int64] = logs[kept][set_backs(stamps[kept].tolist())]
     return found
+
+
+def _transform_stamps(
+    reader: BagReader, topic: str
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Returns stamps and log times [ns] of the transform that is sent most often.
+
+    Others may be stamped ahead, as a localisation's are.
+    """
+    known: dict[str, list[tuple[int, int]]] = {}
+    for block in reader.blocks([topic]):
+        for message in messages_of(block):
+            for one in reader.decode(message).transforms:
+                known.setdefault(one.child_frame_id, []).append((stamp_ns(one), message.log_ns))
+    most = max(known.values(), key=len, default=[])
+    stamps, logs = np.array(most, dtype=np.int64).reshape(-1, 2).T
+    return stamps, logs
 
 
 class _Copy:
@@ -100,5 +124,5 @@ class _Copy:
     def _take(self, message: BagMessage, writer: BagWriter) -> None:
         writer.write(message.topic, message.data, message.log_ns, message.publish_ns)
         self._progress(1)
-        if self._topics[message.topic].latched:
+        if self._topics[message.topic].latched or message.topic.rpartition("/")[2] in _TOLD_ONCE:
             self._latched.append(message)

@@ -25,6 +25,7 @@ from slosh_estimator.estimator import Estimate, Estimator
 from slosh_estimator.gate import DROPPED, GateSettings
 from slosh_estimator.held_container import EMPTY, FRESH, TRAY_PLACE, HeldContainer
 from slosh_estimator.inputs import (
+    ADDED,
     JOINTS,
     MESSAGE_TYPES,
     PLACED,
@@ -50,7 +51,7 @@ from slosh_estimator.sampling import modes_of
 from slosh_estimator.tray_estimator import TrayEstimator
 from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag, attitude_warning
-from slosh_model.model import TILT, Model
+from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.tray import TRAY, Tray, format_tray, read_tray
 from slosh_msgs.msg import ExpectedReading, SloshEstimate, TrayEstimate
@@ -65,7 +66,6 @@ from slosh_msgs_py.node.settings import SettingsPublisher
 
 LATENCY_EVERY = 10
 """Messages per measured latency: enough for percentiles, and too few to cost time."""
-ADDED = f"the effect {TILT} is added to the model: the poses contain the container's tilt"
 _CONTESTED = int(EstimateFlag.INPUT_CONTESTED)
 _CONTRADICTED = int(EstimateFlag.INPUT_CONTRADICTED)
 _GATE = GateSettings()
@@ -240,8 +240,7 @@ class EstimatorNode(PreparedNode):
 
     def _prepared(self, model: Model) -> Model:
         """Returns the model to run; it computes gravity from the attitude if the input has one."""
-        turns = self._kind in WINDOWED or PLACED in self._given
-        prepared = model.with_gravity_tilt() if turns else model
+        prepared = InputSettings.from_parameters(self._known).felt(self._kind, model)
         self._added = "" if prepared is model else ADDED
         if self._added:
             self.get_logger().info(self._added)
@@ -337,10 +336,13 @@ class EstimatorNode(PreparedNode):
         if last:  # what the reader remembers is behind all samples of the message
             self._states.look(input_ns, self._estimator, self._input)
         flags = estimate.flags | self._contested | self._contradicted
-        if self._subscription.contested:
+        source = self._input
+        if self._subscription.contested or source.contested:
             flags |= _CONTESTED
+        if source.contradicted:
+            flags |= _CONTRADICTED
         self._flags |= flags
-        gate = self._input.gate
+        gate = source.gate
         fill(self._message, estimate, self._wall)
         self._message.flags = flags
         self._message.samples_used = gate.used
@@ -453,8 +455,9 @@ class EstimatorNode(PreparedNode):
         wrong_input, second = self._second.look()
         self._contradicted = _CONTRADICTED if wrong_input else 0
         doubt = self._input.doubt
-        wrong = doubt.text if doubt is not None and doubt.wrong else ""
-        wrong = wrong or wrong_input
+        messages = self._input.message_doubts() if self._input.flags else ()
+        doubts = ((doubt,) if doubt is not None else ()) + messages
+        wrong = next((one.text for one in doubts if one.wrong), "") or wrong_input
         warning = rivals or self._subscription.trouble() or wrong or self._input.warning()
         if warning:
             return ERROR, warning
@@ -462,7 +465,7 @@ class EstimatorNode(PreparedNode):
             return fault
         hint = self._attitude_warning or self._input.sampling.sentence() or second
         hint = hint or (self._observed.warning() if self._observed is not None else "")
-        remark = hint or (doubt.text if doubt is not None else self._input.remark())
+        remark = hint or (doubts[0].text if doubts else self._input.remark())
         if remark or faults:
             return WARN, remark or faults
         if fault is not None:

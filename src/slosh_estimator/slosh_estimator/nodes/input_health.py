@@ -10,6 +10,7 @@ from slosh_estimator.inputs import AnyInput
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.sampling import gap_sentence
 from slosh_metrics.input_checks.input_faults import FaultKind
+from slosh_metrics.input_checks.message_checks import UNSTAMPED_REMEDY
 from slosh_msgs_py.node.diagnostics import ERROR, STALE, WARN, Health
 from slosh_msgs_py.node.silence import SilentTopic
 
@@ -17,6 +18,7 @@ _HINTS = {
     SampleVerdict.STALE: ": their stamps are older than max_age, so they are late or stamped by "
     "another clock",
     SampleVerdict.IMPOSSIBLE: ": inputs must be in m/s^2, rad/s and m",
+    SampleVerdict.UNSTAMPED: f": {UNSTAMPED_REMEDY}",
     SampleVerdict.AHEAD: " by more than max_age, so by another clock",
 }
 

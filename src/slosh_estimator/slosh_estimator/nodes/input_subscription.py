@@ -291,9 +291,11 @@ class InputSubscription:
 
     def _on_odometry(self, message: Any) -> None:
         q, twist = message.pose.pose.orientation, message.twist.twist
+        p = message.pose.pose.position
         v, w = twist.linear, twist.angular
         stamp = to_nanoseconds(message.header.stamp)
-        self._on_velocity(Twist(stamp, (v.x, v.y, v.z), (w.x, w.y, w.z), (q.x, q.y, q.z, q.w), ""))
+        linear, angular, turn = (v.x, v.y, v.z), (w.x, w.y, w.z), (q.x, q.y, q.z, q.w)
+        self._on_velocity(Twist(stamp, linear, angular, turn, "", (p.x, p.y, p.z)))
 
     def _on_twist(self, data: bytes) -> None:
         stamp, frame, (vx, vy, vz, wx, wy, wz) = self._numbers.read(data)

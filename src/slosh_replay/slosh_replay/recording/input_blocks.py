@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from slosh_bag.columns.cdr_columns import ColumnReader
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.chunks import MessageBlock
-from slosh_bag.reader import BagReader, messages_of, stamp_ns
+from slosh_bag.reader import BagMessage, BagReader, messages_of, stamp_ns
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.fixed_frames import FixedFrames
@@ -32,8 +32,14 @@ from slosh_estimator.joint_poses import JointPoses
 from slosh_estimator.placed_accel import PlacedAccel, PlacedAcceleration
 from slosh_estimator.timed_pose import TimedPose
 from slosh_estimator.transform_poses import Transform, TransformPoses
+from slosh_metrics.input_checks.message_checks import unstamped
 from slosh_msgs_py import topics
-from slosh_replay.recording.inputs import PLACED_FIELDS, fields, recorded_inputs
+from slosh_replay.recording.inputs import (
+    PLACED_FIELDS,
+    fields,
+    recorded_inputs,
+    stamps_of,
+)
 from slosh_replay.recording.settings import first
 from slosh_replay.recording.sources import Sources
 
@@ -61,7 +67,7 @@ class InputBlocks:
         self._columns = ColumnReader(reader.typestore_of)
         self._fields = fields(sources.kind)
         self._world = how.frames[0]
-        self._count = 0
+        self._count = self._messages = self._stamped = 0
         if sources.kind == JOINTS and not how.urdf:
             how = how._replace(urdf=_description(reader, sources))
         try:
@@ -88,11 +94,14 @@ class InputBlocks:
             SloshBagError: a message is not of its type.
         """
         if self._poses is None:
-            return self._columns.columns(blocks[0], self._fields)
+            columns = self._columns.columns(blocks[0], self._fields)
+            self._stamped += int(np.count_nonzero(stamps_of(columns)))
+            self._messages += len(columns[_FRAME])
+            return columns
         messages = [message for block in blocks for message in messages_of(block)]
         if len(blocks) > 1:  # in the order in which the node heard them
             messages.sort(key=lambda message: message.log_ns)
-        decoded = map(self._reader.decode, messages)
+        decoded = map(self._noted, messages)
         if isinstance(self._poses, PlacedAccel):
             placed = [one for message in decoded for one in self._placed(self._poses, message)]
             self._count += len(placed)
@@ -100,6 +109,15 @@ class InputBlocks:
         found = [one for message in decoded for one in self._taken(message)]
         self._count += len(found)
         return _pose_columns(found, self._world)
+
+    def _noted(self, message: BagMessage) -> Any:
+        """Returns a decoded message of `topics`; counts those of the input and their stamps."""
+        decoded = self._reader.decode(message)
+        if message.topic == self.topics[0]:
+            links = decoded.transforms if hasattr(decoded, "transforms") else (decoded,)
+            self._stamped += any(stamp_ns(one) for one in links)
+            self._messages += 1
+        return decoded
 
     def _placed(self, poses: PlacedAccel, message: Any) -> list[PlacedAcceleration]:
         """Returns the container accelerations [m/s²] that become computable with a new message."""
@@ -130,11 +148,14 @@ class InputBlocks:
         return self._poses.trouble() if self._poses is not None else ""
 
     def check(self) -> None:
-        """Raises an error, after all messages, if there was no pose.
+        """Raises an error, after all messages, if there was no pose, or no stamp was filled.
 
         Raises:
-            SloshBagError: no pose came out of the messages.
+            SloshBagError: no pose came out of the messages, or all are stamped 0.
         """
+        reason = unstamped(self._stamped, self._messages, self.topics[0])
+        if reason:
+            raise SloshBagError(f"{self._reader.path}: {reason}")
         if self._poses is not None and not self._count:
             reason = self.trouble() or "no pose of the container follows from the messages"
             raise SloshBagError(f"{self._reader.path}: {reason}")

@@ -21,8 +21,8 @@ from slosh_estimator.velocity_input import Twist, VelocityInput
 from slosh_metrics.input_checks.input_faults import MIXED_INPUT
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.indices import POSE_COUNT, QW, QX, QY, QZ
-from slosh_model.model import Model
-from slosh_model.tilt import ignored_text, largest_tilt
+from slosh_model.model import TILT, Model
+from slosh_model.tilt import added_text, ignored_text, largest_tilt
 from slosh_replay.recording.facts import TABLE_COLUMNS
 from slosh_replay.recording.settings import NodeStart, first, model_of, settings_of
 
@@ -40,6 +40,7 @@ _FIELDS = {
     "odometry": (
         *(f"twist.twist.{what}.{axis}" for what in ("linear", "angular") for axis in "xyz"),
         *(f"pose.pose.orientation.{axis}" for axis in "xyzw"),
+        *(f"pose.pose.position.{axis}" for axis in "xyz"),
     ),
     "twist": (*(f"twist.{what}.{axis}" for what in ("linear", "angular") for axis in "xyz"),),
 }  # fmt: skip
@@ -119,6 +120,7 @@ class InputReader:
         self._slow_count = self._count = 0
         self._raised: dict[int, InputDoubt] = {}
         self._faults: list[str] = []
+        self._messages: list[InputDoubt] = []  # before restarts
         self._tilted: NDArray[np.float64] | None = None
 
     def _gate(self, settings: InputSettings) -> GateSettings:
@@ -139,7 +141,8 @@ class InputReader:
         """Suspected faults of the input and remarks, one sentence each."""
         found = {**self._raised, **self._raised_now()}
         remark = self._adapter.remark()
-        return (*found.values(), *([InputDoubt(remark, wrong=False)] if remark else []))
+        messages = [*self._messages, *map(InputDoubt.of, self._adapter.message_doubts())]
+        return (*found.values(), *messages, *([InputDoubt(remark, wrong=False)] if remark else []))
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -181,6 +184,7 @@ class InputReader:
         self._adapter.check.faults.finish()
         self._faults += self._adapter.check.faults.texts()
         self._raised |= self._raised_now()
+        self._messages += map(InputDoubt.of, self._adapter.message_doubts())
         counters = self.counters
         self._used_before = counters["samples_used"]
         self._dropped_before = counters["samples_dropped"]
@@ -268,25 +272,30 @@ class InputReader:
                 self._tilted = attitude
         return samples
 
-    def ignored_tilt(self, model: Model) -> list[str]:
-        """Warns in one line if a model ignores the container's tilt.
+    def ignored_tilt(self, given: Model, used: Model) -> list[str]:
+        """Tells in one line if a model ignored the container's tilt, or was changed for it.
 
         None of an attitude that is in doubt itself.
+
+        Args:
+            given: the model before `InputSettings.felt`.
+            used: the model that ran.
         """
         if any(doubt.wrong for doubt in self.doubts):
             return []
-        text = ignored_text(model, self._tilted)
+        added = added_text(given, self._tilted) if used.has(TILT) else ""
+        text = f"the container {added}" if added else ignored_text(used, self._tilted)
         return [text] if text else []
 
 
 def _twist(stamp_ns: int, row: Sequence[float], frame: str) -> Twist:
     """Creates a velocity from an Odometry message, in the axes of the moving frame."""
-    vx, vy, vz, wx, wy, wz, *turn = row
+    vx, vy, vz, wx, wy, wz, *pose = row
     linear, angular = (vx, vy, vz), (wx, wy, wz)
-    if not turn:
+    if not pose:
         return Twist(stamp_ns, linear, angular, None, frame)
-    x, y, z, w = turn
-    return Twist(stamp_ns, linear, angular, (x, y, z, w))
+    qx, qy, qz, qw, x, y, z = pose
+    return Twist(stamp_ns, linear, angular, (qx, qy, qz, qw), "", (x, y, z))
 
 
 def _imu(row: Sequence[float]) -> tuple[Any, Any]:

@@ -95,8 +95,10 @@ class KnownState:
         self._states = [state for state in self._states if state.stamp_ns > last_ns]
         places = np.searchsorted(stamps, [state.stamp_ns for state in due]).tolist()
         at = [(k, s) for k, s in zip(places, due, strict=True) if stamps[k] == s.stamp_ns]
-        counts = self._counts(decision, at)
-        events = self._breaks(stamps, decision, counts)
+        counts, lags = self._counts(decision, at), np.zeros(decision.reached, dtype=np.int64)
+        for k, state in at:
+            lags[k] = state.stamp_ns - state.estimator.sample.stamp_ns
+        events = self._breaks(stamps, decision, counts, lags)
         events += [
             _Event(k, _STATE, s.estimator.sample.stamp_ns, s)
             for k, s in at
@@ -125,21 +127,22 @@ class KnownState:
             counts[k] = state.used
         return counts
 
-    def _breaks(self, stamps: Integers, decision: Decision, counts: Integers) -> list[_Event]:
+    def _breaks(
+        self, stamps: Integers, decision: Decision, counts: Integers, lags: Integers
+    ) -> list[_Event]:
         """Returns the inputs at which the counter disagrees with the inputs, or restarts."""
         total = np.concatenate(([0], np.cumsum(decision.used)))  # used before each input
         rows = np.flatnonzero((counts > 0) & decision.used)
         before = np.concatenate(([-self._since], total[rows + 1]))
         count = np.concatenate(([self._count], counts[rows]))
-        moment = np.concatenate(([self._stamp_ns], stamps[rows]))
+        moment = np.concatenate(([self._stamp_ns], stamps[rows] - lags[rows]))
         starts = [_Event(k, _STARTED, int(stamps[k]) - 1) for k in decision.restarts]
         for start in starts:
             follower = int(np.searchsorted(rows, start.place))
             before[follower], count[follower] = total[start.place], 0
         lacking = counts[rows] - count[:-1] != total[rows + 1] - before[:-1]
         lost = [
-            _Event(int(rows[k]), _LOST, int(moment[k]) - self._lag_ns)
-            for k in np.flatnonzero(lacking).tolist()
+            _Event(int(rows[k]), _LOST, int(moment[k])) for k in np.flatnonzero(lacking).tolist()
         ]
         self.breaks += sum(event.stamp_ns > _LONG_AGO for event in lost)
         self._count, self._since = int(count[-1]), int(total[-1] - before[-1])
@@ -160,6 +163,17 @@ class KnownState:
         if self._losses is not None:
             self._losses.append(after_ns)
         self._known = False
+
+    def find_later(self, found_ns: int, answered_ns: int) -> None:
+        """Excludes answers that the replay gave from an unknown state, behind a known one.
+
+        Args:
+            found_ns: stamp from which the state is known [ns].
+            answered_ns: stamp of the replay's last answer [ns].
+        """
+        for verifier in (self._estimate, self._comparison):
+            if verifier is not None:
+                verifier.find_later(found_ns, answered_ns)
 
     def _find(self, until_ns: int) -> None:
         if self._estimate is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,7 +25,7 @@ from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.validity import attitude_warning
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
-from slosh_model.tilt import attitude_of, ignored_text
+from slosh_model.tilt import added_text, attitude_of, ignored_text, with_tilt
 from slosh_msgs_py.topics import (
     CALM,
     COMPARISON,
@@ -118,11 +119,16 @@ def replay_bag(
     recorded = settings.model_of(started) if started else None
     used = model or recorded or _noted_model(path, sources.facts)
     how = reading(reader, sources, given)
+    plain = used
+    if not _is_as_recorded(started, sources, model):
+        used = _felt(path, sources, how, used)
     watched, limit_changes = (monitor, []) if monitor else _monitor_settings(sources)
     watched, limit_changes = _with_rim(watched, limit_changes, used, told=model is None)
     if _is_turning_table(sources, used):
-        return _replay_table_bag(path, reader, sources, used, watched, outputs)
+        return _replay_table_bag(path, reader, sources, (plain, used), watched, outputs)
     tray = settings.tray_of(started) if started and model is None else None
+    if tray is not None and used is not plain:
+        tray = tray.of(partial(how.felt, sources.kind))
     count = len(tray.containers) if tray else 0
     cameras = container_nodes(sources.starts, tray.names) if tray else ()
     force_surface = force_surface_topic(sources.starts)
@@ -173,7 +179,7 @@ def replay_bag(
         result = conclude(path.name, sources.input, stream, _origin(started, recorded, used))
     said = [
         *_attitude_warnings(path, sources, used, how),
-        *input_reader.ignored_tilt(used),
+        *input_reader.ignored_tilt(plain, used),
         blocks.trouble(),
         *sorted(lacking),
     ]
@@ -183,6 +189,20 @@ def replay_bag(
         )
     told = [f"{path}: {line}" for line in said if line]
     return replace(result, warnings=(*_warnings(path, reader, sources), *told, *result.warnings))
+
+
+def _is_as_recorded(started: NodeStart | None, sources: Sources, model: Model | None) -> bool:
+    """Returns whether the model is that of the recorded node, and its input is replayed."""
+    if started is None or model is not None:
+        return False
+    return bool(started.parameters.get("input", sources.kind) == sources.kind)
+
+
+def _felt(path: Path, sources: Sources, how: InputSettings, model: Model) -> Model:
+    """Returns the model that a live cell would run, with gravity where the attitude is known."""
+    if {"qx", "wx"} & set(sources.facts.get(TABLE_COLUMNS, "").split(",")):
+        return with_tilt(model, attitude_of(read_bag_table(path, TableSettings()).table))
+    return how.felt(sources.kind, model)
 
 
 def _known_state(verifiers: Mapping[str, Verifier], losses: list[int]) -> KnownState:
@@ -260,11 +280,15 @@ def _replay_table_bag(
     path: Path,
     reader: BagReader,
     sources: Sources,
-    model: Model,
+    models: tuple[Model, Model],
     monitor: MonitorSettings,
     outputs: Outputs | None,
 ) -> ReplayResult:
-    """Replays the motion table from which a bag was created, with its attitude."""
+    """Replays the motion table from which a bag was created, with its attitude.
+
+    The models are the given one, and that with gravity along a tilted floor.
+    """
+    given, model = models
     table = read_bag_table(path, TableSettings()).table
     origin_ns = int(sources.facts.get(TABLE_ORIGIN, 0))
     result = replay_table(
@@ -272,10 +296,11 @@ def _replay_table_bag(
         outputs=outputs,
     )  # fmt: skip
     blind = table.attitude is None and table.angular_velocity is None
-    blind_warnings = (f"{path}: {attitude_warning(model, sources.kind)}",) if blind else ()
-    return replace(
-        result, warnings=(*_warnings(path, reader, sources), *blind_warnings, *result.warnings)
-    )
+    told = [attitude_warning(model, sources.kind)] if blind else []
+    added = added_text(given, attitude_of(table)) if model is not given else ""
+    told += [f"the container {added}"] if added else []
+    said = [*_warnings(path, reader, sources), *(f"{path}: {line}" for line in told)]
+    return replace(result, warnings=(*said, *result.warnings))
 
 
 def _warnings(path: Path, reader: BagReader, sources: Sources) -> list[str]:

@@ -66,6 +66,7 @@ class ReplayedEstimator:
         self._tray = setting.tray
         self._others = self._new_others(setting.at_rest)
         self._until_ns = 0
+        self._answered_ns = self._again_until_ns = -(2**62)
         self.unused = 0
         self.untaken = ""
         self._changes = list(setting.changes)
@@ -190,6 +191,11 @@ class ReplayedEstimator:
             self.setting.reader.take_up(state.stamp_ns, state.memory)
         except SloshEstimatorError as error:
             self.untaken = str(error)
+        # Where the live node lagged farther behind its input, the replay has answered what comes
+        # next from an unknown state.
+        self._again_until_ns = self._answered_ns
+        if self.setting.known is not None:
+            self.setting.known.find_later(state.estimator.sample.stamp_ns, self._answered_ns)
 
     def _load(self, change: NodeStart) -> None:
         empty, fresh = empty_and_fresh(change.parameters)
@@ -247,8 +253,13 @@ class ReplayedEstimator:
         if not len(rows):
             return
         samples = self.setting.reader.samples(stamps, inputs, rows)
+        again = samples.stamps <= self._again_until_ns
+        if again.any():  # the models need them, nobody else does
+            self.models.update_many(samples.rows(again))
+            samples = samples.rows(~again)
         if not len(samples.stamps):
             return
+        self._answered_ns, self._again_until_ns = int(samples.stamps[-1]), -(2**62)
         answers = self.models.update_many(samples)
         own = answers.own
         heights = answers.heights

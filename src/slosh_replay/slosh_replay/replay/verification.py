@@ -175,6 +175,13 @@ class Verifier:
         if self._unknown:
             self._unknown[-1] = self._unknown[-1]._replace(until_ns=until_ns)
 
+    def find_later(self, from_ns: int, until_ns: int) -> None:
+        """Resumes a comparison that resumes behind `from_ns` only behind `until_ns`."""
+        self._unknown = [
+            span._replace(until_ns=until_ns) if from_ns <= span.until_ns < until_ns else span
+            for span in self._unknown
+        ]
+
     def compare(self, settled: int = -(2**62), *, final: bool = False) -> None:
         """Compares the messages that are available both recorded and replayed.
 

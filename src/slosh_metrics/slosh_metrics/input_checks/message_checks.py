@@ -1,0 +1,308 @@
+"""Checks messages of a motion against themselves and against their neighbours.
+
+Each check takes the messages in the order in which they came, live, from a recording and from a
+table alike, and costs some additions per message:
+
+- `Leap`: a pose that leaps away and back, as a driver sends zeros now and then. It is not used.
+- `ToAndFro`: two publishers on one topic, one of them late: single steps lead back although the
+  motion leads on. A single publisher's do not, whatever its stamps say.
+- `Stairs`: values that are renewed at a lower rate than they are sent.
+- `TwistCheck`: a velocity that is not the change of the pose beside it.
+- `unstamped`: stamps that were never filled.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from slosh_base.files.nanoseconds import SECOND
+from slosh_metrics.input_checks.constancy import Vector
+from slosh_metrics.input_checks.constant_meaning import Doubt
+from slosh_metrics.input_checks.input_faults import MIXED_INPUT
+from slosh_metrics.tuning import TUNING
+
+UNSTAMPED_REMEDY = "the driver does not fill header.stamp; let it write the time of measurement"
+_NOWHERE: Vector = (0.0, 0.0, 0.0)
+
+
+class Leap(NamedTuple):
+    """The change from one pose to the next: distance [m], angle [rad], time between them [s]."""
+
+    distance: float
+    angle: float
+    seconds: float
+
+    @classmethod
+    def between(cls, one: Sequence[float], other: Sequence[float], seconds: float) -> Leap:
+        """Returns the change between two poses: position and a quaternion of any length."""
+        cosine = abs(sum(a * b for a, b in zip(one[3:], other[3:], strict=True)))
+        lengths = math.hypot(*one[3:]) * math.hypot(*other[3:])
+        angle = 2.0 * math.acos(min(cosine / lengths, 1.0))
+        return cls(math.dist(one[:3], other[:3]), angle, seconds)
+
+    def is_small(self) -> bool:
+        """Returns whether the change is none that matters."""
+        return self.distance <= TUNING.leap_distance and self.angle <= TUNING.leap_angle
+
+    def is_beyond(self, before: Sequence[Leap], usual: float) -> bool:
+        """Returns whether no motion that went on as `before` leads so far.
+
+        Args:
+            before: the last changes from pose to pose; none: only its speed tells.
+            usual: time between two poses [s]; 0: not known.
+        """
+        if not before:
+            return self.distance > TUNING.leap_distance + TUNING.leap_speed * self.seconds
+        longer = [max(self.seconds / max(one.seconds, 0.25 * usual), 1.0) for one in before]
+        far, turn = (
+            TUNING.leap_steps * max(size * time for size, time in zip(sizes, longer, strict=True))
+            for sizes in ([one.distance for one in before], [one.angle for one in before])
+        )
+        square = 0.5 * max(self.seconds, usual) ** 2
+        return (
+            self.distance > TUNING.leap_distance + far + TUNING.leap_acceleration * square
+            or self.angle > TUNING.leap_angle + turn + TUNING.leap_spin * square
+        )
+
+
+def leap_doubt(count: int, largest: Leap, noun: str) -> Doubt:
+    """Returns what is told of poses that leapt away and back."""
+    return Doubt(
+        f"{count} of the {noun} leap by up to {largest.distance:.2g} m and "
+        f"{math.degrees(largest.angle):.2g}° and back: they are not used; a driver that sends "
+        "zeros, or a joint that jumps, must be mended",
+        wrong=False,
+    )
+
+
+class ToAndFro:
+    """Finds two publishers on one topic, one of them late, by positions in order of arrival.
+
+    Args:
+        noun: what comes, in the plural.
+
+    Attributes:
+        found: whether the last motion went to and fro.
+        raised: what was wrong at any time, with the remedy; None: nothing.
+    """
+
+    def __init__(self, noun: str) -> None:
+        self.found = False
+        self.raised: Doubt | None = None
+        self._noun = noun
+        self._steps: deque[Vector] = deque([_NOWHERE], maxlen=TUNING.fro_window)
+        self._backs: deque[float] = deque(maxlen=TUNING.fro_window)
+        self._last: Vector | None = None
+        self._turned = False  # whether the last step led back
+        self._size = self._before = 0.0  # of the last two steps
+        self._noise = self._finest = math.inf
+        self._straight = 0
+
+    def take(self, position: Vector) -> None:
+        """Adds a position [m]."""
+        last, self._last = self._last, position
+        if last is None:
+            return
+        step = position[0] - last[0], position[1] - last[1], position[2] - last[2]
+        size = math.hypot(*step)
+        turns = sum(a * b for a, b in zip(step, self._steps[-1], strict=True)) < 0.0
+        lone = turns and self._turned
+        self._backs.append(min(self._size, max(size, self._before)) if lone else 0.0)
+        self._turned, self._before, self._size = turns, self._size, size
+        self._steps.append(step)
+        if 0.0 < size < self._finest:
+            self._finest = size  # rounded positions flicker by this
+        if len(self._steps) == TUNING.fro_window:
+            self._judge(math.hypot(*map(sum, zip(*self._steps, strict=True))))
+
+    def _judge(self, way: float) -> None:
+        backs = [back for back in self._backs if back > TUNING.fro_least]
+        largest = max(math.hypot(*step) for step in self._steps)
+        if self._noise > largest:
+            self._noise = largest  # the least of any time: what a tracker at rest does
+        if way < TUNING.fro_way:
+            return
+        if len(backs) < TUNING.fro_turns:
+            self._straight = self._straight + 1 if not backs else 0
+            self.found = self.found and self._straight < TUNING.fro_over
+            return
+        self._straight = 0
+        mean = sum(backs) / len(backs)
+        if (
+            mean > TUNING.fro_noises * max(self._noise, self._finest)
+            and way > TUNING.fro_leads * mean
+        ):
+            self.found = True
+            self.raised = Doubt(f"successive {self._noun} go to and fro: {MIXED_INPUT}")
+
+
+class Stairs:
+    """Finds values that are renewed at a lower rate than they are sent.
+
+    Args:
+        noun: what comes, in the plural.
+        least: change over the compared values that is a motion [m or m/s].
+
+    Attributes:
+        found: whether the last values rose in stairs.
+        raised: what was wrong at any time, with the remedy; None: nothing.
+    """
+
+    def __init__(self, noun: str, least: float) -> None:
+        self.found = False
+        self.raised: Doubt | None = None
+        self._noun, self._least = noun, least
+        self._runs: deque[tuple[int, int, float]] = deque(maxlen=TUNING.stair_runs)
+        self._values: Sequence[float] = ()
+        self._since_ns = self._count = 0
+        self._finest = math.inf
+
+    def take(self, stamp_ns: int, values: Sequence[float]) -> None:
+        """Adds the values of a message with its stamp [ns]."""
+        if values == self._values:
+            self._count += 1
+            return
+        if self._values:
+            step = math.dist(values[:3], self._values[:3])
+            if step > 0.0:
+                self._finest = min(self._finest, step)
+                self._runs.append((self._count, stamp_ns - self._since_ns, step))
+                if len(self._runs) == TUNING.stair_runs:
+                    self._judge()
+        self._values, self._since_ns, self._count = tuple(values), stamp_ns, 1
+
+    def _judge(self) -> None:
+        counts = sorted(run[0] for run in self._runs)
+        held = sorted(run[1] for run in self._runs)[len(counts) // 2]
+        typical = counts[len(counts) // 2]
+        steps = [run[2] for run in self._runs]
+        moves = sum(steps) > self._least
+        if not moves:
+            return
+        regular = typical >= 2 and counts[0] >= typical - 1 and counts[-1] <= typical + 1
+        coarse = sorted(steps)[len(steps) // 2] < TUNING.stair_quanta * self._finest
+        if regular and not coarse and held > TUNING.stair_ns:
+            self.found = True
+            self.raised = Doubt(
+                f"the {self._noun} are sent at {typical * SECOND / held:.3g} Hz and renewed at "
+                f"{SECOND / held:.3g} Hz: they rise in stairs; send each value once, with the "
+                "stamp of its measurement"
+            )
+        elif typical == 1:
+            self.found = False
+
+
+class TwistCheck:
+    """Compares the twist of an Odometry message with the change of the pose in it.
+
+    Over stretches of time the integral of the twist, in the axes of the moving frame and as it was
+    sent, is compared with the way of the pose. A stretch in which the pose is corrected by a jump
+    is one of several.
+
+    Attributes:
+        found: whether the last stretches show a wrong twist.
+        raised: what was wrong at any time, with the remedy; None: nothing.
+    """
+
+    def __init__(self) -> None:
+        self.found = False
+        self.raised: Doubt | None = None
+        self._last: tuple[int, Vector, Vector] | None = None  # stamp, velocity turned, as sent
+        self._start: tuple[int, Vector] | None = None
+        self._turned = self._sent = _NOWHERE
+        self._stretches: deque[tuple[float, float, float, float]] = deque(
+            maxlen=TUNING.twist_stretches
+        )
+
+    def take(self, stamp_ns: int, position: Vector, turned: Vector, sent: Vector) -> None:
+        """Adds a message.
+
+        Args:
+            stamp_ns: the moment [ns].
+            position: of the moving frame [m].
+            turned: the velocity, from the moving frame's axes to the parent's [m/s].
+            sent: the same numbers as they were sent.
+        """
+        if not math.isfinite(sum(position) + sum(turned) + sum(sent)):
+            return
+        last, self._last = self._last, (stamp_ns, turned, sent)
+        seconds = (stamp_ns - last[0]) * 1e-9 if last is not None else 0.0
+        if last is None or self._start is None or not 0.0 < seconds < TUNING.twist_gap:
+            self._start = stamp_ns, position
+            self._turned = self._sent = _NOWHERE
+            return
+        self._turned = _integrated(self._turned, 0.5 * seconds, last[1], turned)
+        self._sent = _integrated(self._sent, 0.5 * seconds, last[2], sent)
+        if stamp_ns - self._start[0] >= TUNING.twist_ns:
+            way = _difference(position, self._start[1])
+            self._compare(way)
+            self._start = stamp_ns, position
+            self._turned = self._sent = _NOWHERE
+
+    def _doubt(self) -> Doubt | None:
+        """Returns what is wrong, with the remedy; None: nothing, or it is not known yet."""
+        bad = [row for row in self._stretches if row[2] > TUNING.twist_error * max(row[:2])]
+        if len(bad) < TUNING.twist_least or 2 * len(bad) < len(self._stretches):
+            return None
+        way, told, _, parents = (sum(column) for column in zip(*bad, strict=True))
+        remedy = "mend the driver, or use its transforms with the input tf"
+        if told < TUNING.twist_nothing * way:
+            return Doubt(
+                f"the twist of the odometry stays zero while its pose moves by {way:.2g} m: the "
+                f"driver does not fill it; {remedy}"
+            )
+        if way < TUNING.twist_nothing * told:
+            return Doubt(
+                f"the pose of the odometry stands while its twist moves by {told:.2g} m: the "
+                "attitude is not known; turns are not seen",
+                wrong=False,
+            )
+        if parents < TUNING.twist_error * way:
+            return Doubt(
+                "the twist of the odometry agrees with its pose in the axes of header.frame_id; "
+                f"it must have those of child_frame_id: {remedy}"
+            )
+        return Doubt(
+            f"the twist of the odometry moves by {told:.2g} m where its pose moves by {way:.2g} "
+            f"m: unit, axes or clock of one of them is wrong; {remedy}"
+        )
+
+    def _compare(self, way: Vector) -> None:
+        """Adds a stretch: way, told way, and their differences turned and as sent [m]."""
+        moved, told = math.hypot(*way), math.hypot(*self._turned)
+        if max(moved, told) < TUNING.twist_way:
+            return
+        self._stretches.append(
+            (moved, told, math.dist(way, self._turned), math.dist(way, self._sent))
+        )
+        doubt = self._doubt()
+        self.found = doubt is not None and doubt.wrong
+        self.raised = doubt or self.raised
+
+
+def unstamped(stamped: int, total: int, topic: str) -> str:
+    """Returns why a recorded topic cannot be used, if no stamp was filled; else an empty text.
+
+    Args:
+        stamped: messages whose stamp is not 0.
+        total: all messages.
+        topic: theirs.
+    """
+    if stamped or total < 2:
+        return ""
+    return f"all {total} messages of {topic} are stamped 0: {UNSTAMPED_REMEDY}, and record again"
+
+
+def _integrated(total: Vector, half: float, before: Vector, now: Vector) -> Vector:
+    return (
+        total[0] + half * (before[0] + now[0]),
+        total[1] + half * (before[1] + now[1]),
+        total[2] + half * (before[2] + now[2]),
+    )
+
+
+def _difference(one: Vector, other: Vector) -> Vector:
+    return one[0] - other[0], one[1] - other[1], one[2] - other[2]
