@@ -100,9 +100,7 @@ def test_joints_of_two_drivers_live_and_replayed(tmp_path: Path, domain: int) ->
             lambda: waiting in driver.health.get("estimator", ("",))[0], "the node to wait"
         )
         driver.describe()
-        driver.until(
-            lambda: driver.health["estimator"][1].get("state") == "ready", "the estimator"
-        )
+        driver.await_ready("estimator", "recorder")
         driver.until(
             lambda: all(one.get_subscription_count() >= 2 for one in driver.states), "two readers"
         )
