@@ -116,7 +116,7 @@ def check_columns(folder: Path) -> None:
     for name in ("accel.csv", "estimate.csv"):
         columns = []
         for place in (folder / "script", folder / "csv"):
-            with next(place.rglob(name)).open(newline="") as file:
+            with next(place.rglob(f"*{name}")).open(newline="") as file:
                 columns.append(len(next(csv.reader(file))))
         if columns[0] != columns[1]:
             raise SystemExit(f"{name}: {columns[0]} columns of the script, {columns[1]} exported")
