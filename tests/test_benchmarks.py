@@ -16,8 +16,8 @@ from slosh_bag.definitions import Definitions
 
 FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
 FILES = sorted(FOLDER.glob("bench_*.py"))
-QUICK = {"bench_model_step", "bench_observer", "bench_shapes", "bench_fleet", "bench_export"}
-"""Those of a few seconds, which `make test` runs."""
+QUICK = {"bench_observer", "bench_shapes"}
+"""Those of a few seconds, which `make test` runs; the others' imports and messages are below."""
 MISSING = re.compile(
     r"bench_\w+: needs \w+, which is not installed: .* -r requirements/\w+\.txt\n"
 )
