@@ -118,7 +118,7 @@ def write_bag(folder: Path, samples: int) -> int:
 
 def filled(store: Any, kind: str, stamp: int, rng: np.random.Generator) -> Any:
     """Returns a message with random numbers in all floating-point fields."""
-    profile = {
+    profile: dict[str, Any] = {
         name: rng.normal(size=PROFILE).astype(np.float32)
         for name, _ in store.fielddefs[kind][1]
         if "profile" in name

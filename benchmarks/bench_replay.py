@@ -193,7 +193,7 @@ class Packer:
 
     def _blank(self, kind: str) -> Any:
         """Returns a message with zero numbers and the usual strings."""
-        empty = {
+        empty: dict[str, Any] = {
             name: np.empty(0, np.float32)
             for name, _ in self._store.fielddefs[kind][1]
             if "profile" in name

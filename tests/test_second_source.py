@@ -20,7 +20,7 @@ from slosh_testing.hearing_robot import HearingRobot
 from slosh_testing.rail_robot import JOINTS, RAIL_URDF, felt_on_cup, swung
 
 pytestmark = [
-    pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed"),
+    pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)"),
     pytest.mark.timeout(200),
 ]
 TEXT = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\n"
