@@ -26,7 +26,7 @@ define pytest_twice
 	$(PYTEST) $(SELECT) $(2) -o cache_dir=.pytest_cache/$@ --last-failed --last-failed-no-failures=none; }
 endef
 
-.PHONY: help setup demo test test-all validation keeping-pace the-others lint bench docs tables study coverage wheels clean
+.PHONY: help setup test-setup demo test test-all validation keeping-pace the-others lint bench docs tables study coverage wheels clean
 
 help:
 	@echo "make demo      set up, run the simulated cell with all nodes, record, report"
@@ -45,26 +45,30 @@ help:
 setup:
 	@python3 tools/bootstrap.py
 
+# The optional libraries too, which only tests and measurements use.
+test-setup:
+	@python3 tools/bootstrap.py --tests
+
 demo: setup
 	@ROS_PYTHON_CHECK_FIELDS=0 tools/run slosh demo --motion $(MOTION) -o $(OUT)
 
 test: SELECT = -m "not long"
-test: setup
+test: test-setup
 	@$(MAKE) --no-print-directory --jobs=1 --keep-going SELECT='$(SELECT)' keeping-pace the-others
 
-test-all: setup
+test-all: test-setup
 	@$(MAKE) --no-print-directory --jobs=1 --keep-going SELECT=--hypothesis-profile=search the-others keeping-pace validation
 
-validation: setup
+validation: test-setup
 	@nice -n 5 $(PYTEST) $(BESIDE) $(SELECT) validation
 
 keeping-pace:
-	$(call pytest_twice,$(SELECT) $(REAL_TIME),$(REAL_TIME))
+	$(if $(REAL_TIME),$(call pytest_twice,$(SELECT) $(REAL_TIME),$(REAL_TIME)))
 
 the-others:
 	$(call pytest_twice,$(BESIDE) $(SELECT) $(TESTS) $(REAL_TIME:%=--ignore=%),$(TESTS) $(REAL_TIME:%=--ignore=%))
 
-coverage: setup
+coverage: test-setup
 	@tools/run python -m pip install --quiet --no-deps -r requirements/coverage.txt
 	@tools/run python tools/coverage_table.py
 
@@ -75,7 +79,7 @@ lint: setup
 	@tools/run lint-imports --no-logo --no-cache
 	@tools/run python tools/typecheck.py
 
-bench: setup
+bench: test-setup
 	@missed=0; for file in benchmarks/bench_*.py; do ROS_PYTHON_CHECK_FIELDS=0 tools/run python $$file || missed=1; done; exit $$missed
 
 tables: setup

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import importlib
 import itertools
 import os
+import shutil
 import signal
 from collections import Counter
 from collections.abc import Iterator
+from types import ModuleType
 from typing import Any
 
+import headless_browser
 import pytest
 from hypothesis import settings
+from live_browser import LiveBrowser
 
 from slosh_msgs_py.node.dead_ports import free_dead_ports
 from slosh_msgs_py.node.domain import own_domain
@@ -46,6 +51,40 @@ def interrupts() -> None:
     """Workers ignore Ctrl-C, nohup the hang-up, and what a test starts would inherit that."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
+def skip_without(found: str | None, what: str, package: str) -> None:
+    """Skips the test, with the remedy, where a program is not installed."""
+    if found is None:
+        pytest.skip(f"no {what} on this machine: sudo apt install {package}")
+
+
+@pytest.fixture(scope="session")
+def headless() -> ModuleType:
+    """The module that renders pages in a browser; the test is skipped where there is none."""
+    skip_without(headless_browser.find_browser(), "browser", "chromium")
+    return headless_browser
+
+
+@pytest.fixture(scope="module")
+def browser(headless: ModuleType) -> Iterator[LiveBrowser]:
+    """A running browser."""
+    with LiveBrowser() as found:
+        yield found
+
+
+@pytest.fixture(scope="session")
+def ray_tracer() -> None:
+    """Skips the test where no ray tracer is installed."""
+    skip_without(shutil.which("povray"), "ray tracer", "povray")
+
+
+@pytest.fixture(scope="session")
+def new_broker() -> Any:
+    """The class of MQTT brokers; the test is skipped where there is none."""
+    plc = importlib.import_module("slosh_testing.plc")
+    skip_without(plc.find_mosquitto(), "MQTT broker", "mosquitto")
+    return plc.Broker
 
 
 @pytest.hookimpl(tryfirst=True)

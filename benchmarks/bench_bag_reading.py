@@ -32,6 +32,7 @@ import numpy as np
 import zstandard
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from measuring import header_of, message_of, parsed
 from rosbags.highlevel import AnyReader
 
 from slosh_bag.bag_writer import BagWriter
@@ -39,6 +40,7 @@ from slosh_bag.definitions import Definitions
 from slosh_bag.reader import BagReader
 
 RATE, EVERY, CHUNK = 1000, 16, 500
+PROFILE = 40
 TOPICS = {
     "/slosh/accel": "geometry_msgs/msg/AccelStamped",
     "/slosh/estimate": "slosh_msgs/msg/SloshEstimate",
@@ -52,7 +54,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--rounds", type=int, default=5)
-    arguments = parser.parse_args()
+    arguments = parsed(parser, seconds=0.5, rounds=1)
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder) / "bag"
         count = write_bag(bag, int(arguments.seconds * RATE))
@@ -116,22 +118,13 @@ def write_bag(folder: Path, samples: int) -> int:
 
 def filled(store: Any, kind: str, stamp: int, rng: np.random.Generator) -> Any:
     """Returns a message with random numbers in all floating-point fields."""
-    if kind == "std_msgs/msg/Header":
-        time_type = store.types["builtin_interfaces/msg/Time"]
-        moment = time_type(sec=stamp // 10**9, nanosec=stamp % 10**9)
-        return store.types[kind](stamp=moment, frame_id="container")
-    values = {}
-    for name, (node, what) in store.fielddefs[kind][1]:
-        if node == 2:
-            values[name] = filled(store, what, stamp, rng)
-        elif node > 2:
-            length = what[1] if node == 3 else 40 if "profile" in name else 2
-            values[name] = rng.normal(size=length).astype(what[0][1][0])
-        else:
-            values[name] = {
-                "string": "3D-NL", "float64": rng.normal(), "float32": 1.5, "bool": False,
-            }.get(what[0], 0)  # fmt: skip
-    return store.types[kind](**values)
+    profile: dict[str, Any] = {
+        name: rng.normal(size=PROFILE).astype(np.float32)
+        for name, _ in store.fielddefs[kind][1]
+        if "profile" in name
+    }
+    header = header_of(store, stamp, "container")
+    return message_of(store, kind, rng.normal, header=header, **profile)
 
 
 def limit(path: Path) -> Callable[[], int]:

@@ -29,6 +29,7 @@ import slosh_camera.nodes  # noqa: F401  before NumPy, for as many threads as in
 # isort: on
 import cv2
 import numpy as np
+from measuring import parsed
 from numpy.typing import NDArray
 
 from slosh_bringup.cell.renderer import CupRenderer
@@ -55,7 +56,7 @@ def main() -> int:
     parser.add_argument("--turns", type=int, default=5)
     parser.add_argument("--folder", type=Path, help="measure its frame_*.jpg and calib.jpg too")
     parser.add_argument("--camera", type=Path, help="their camera.yaml")
-    arguments = parser.parse_args()
+    arguments = parsed(parser, frames=2, turns=1)
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     cv2.setNumThreads(1)
     good = True

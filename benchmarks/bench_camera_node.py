@@ -26,6 +26,7 @@ import rclpy
 from bench_camera_detector import rendered
 from bench_estimator_node import MODEL, send
 from diagnostic_msgs.msg import DiagnosticArray
+from measuring import parsed, with_own_modules
 from rclpy.node import Node
 from sensor_msgs.msg import Image
 
@@ -132,7 +133,7 @@ def run(kind: str, rates: list[float], seconds: float) -> list[dict[str, Any]]:
     encoding = "mono8" if kind == "grey" else "bgr8"
     messages = [images.image_message(picture, encoding, 0, "camera") for picture in pictures]
     with own_domain() as domain, tempfile.TemporaryDirectory() as name:
-        os.environ.update(node_environment(domain))
+        os.environ.update(with_own_modules(node_environment(domain)))
         folder = Path(name)
         (folder / "camera.yaml").write_text(format_calibration(calibration), encoding="utf-8")
         (folder / "model.yaml").write_text(MODEL, encoding="utf-8")
@@ -178,7 +179,7 @@ def main() -> int:
     parser.add_argument("--rates", type=float, nargs="+", default=[60.0, 120.0])
     parser.add_argument("--kind", choices=("grey", "colour"), default="grey")
     parser.add_argument("--send", type=int, help=argparse.SUPPRESS)
-    given = parser.parse_args()
+    given = parsed(parser, seconds=0.5, rates=[10.0])
     if given.send:
         send(NAMESPACE, given.send)
         return 0

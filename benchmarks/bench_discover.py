@@ -1,6 +1,6 @@
 """Measures the time of a discovery on six motions of 5 s with all modelled effects.
 
-    tools/run python benchmarks/bench_discover.py
+    tools/run python benchmarks/bench_discover.py [--motions 6] [--cases "one effect"]
 
 Each case in the same run: nothing missing (the shortest way), one effect missing, two missing, and
 a cause outside the list (the longest way). Beside it the time of what a discovery consists of: one
@@ -10,10 +10,11 @@ at rtol 1e-8, which a user would write. The claim: below 60 s on two cores, and 
 
 from __future__ import annotations
 
+import argparse
 import time
 
 import numpy as np
-from measuring import timed
+from measuring import parsed, timed
 from scipy.integrate import solve_ivp
 
 from slosh_discovery.discover import MeasuredMotion, discover
@@ -21,7 +22,8 @@ from slosh_discovery.discover.problem import prepare
 from slosh_model import Cylinder, Inputs, Model, predicted_heights
 
 BASE = Model(Cylinder(0.05, 0.07), damping_ratio=0.006)
-MOTIONS, SECONDS, RATE, NOISE = 6, 5.0, 250.0, 2e-4
+CASES = ("nothing missing", "one effect", "two effects", "outside the list")
+SECONDS, RATE, NOISE = 5.0, 250.0, 2e-4
 
 
 def inputs_of(seed: int) -> Inputs:
@@ -70,7 +72,12 @@ def scipy_once(inputs: Inputs) -> int:
 
 def main() -> None:
     """Measures discoveries and single simulations, and prints their times."""
-    plain = [measured(BASE, seed) for seed in range(MOTIONS)]
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--motions", type=int, default=6)
+    parser.add_argument("--cases", nargs="+", choices=CASES, default=CASES)
+    given = parsed(parser, motions=1, cases=CASES[:1])
+    count = given.motions
+    plain = [measured(BASE, seed) for seed in range(count)]
     discover(plain[:2], BASE)  # compiles, or loads what was compiled
     one = BASE.with_effect("vertical_acceleration")
     two = BASE.with_effect("static_tilt", roll=0.02, pitch=-0.01).with_effect(
@@ -78,11 +85,12 @@ def main() -> None:
     )
     cases = {
         "nothing missing": plain,
-        "one effect": [measured(one, seed) for seed in range(MOTIONS)],
-        "two effects": [measured(two, seed) for seed in range(MOTIONS)],
+        "one effect": [measured(one, seed) for seed in range(count)],
+        "two effects": [measured(two, seed) for seed in range(count)],
         "outside the list": [shaken(motion) for motion in plain],
     }
-    for name, motions in cases.items():
+    for name in given.cases:
+        motions = cases[name]
         start = time.perf_counter()
         finding = discover(motions, BASE)
         seconds = time.perf_counter() - start

@@ -24,6 +24,7 @@ from typing import Any
 
 import rclpy
 from geometry_msgs.msg import AccelStamped
+from measuring import parsed
 from rclpy.node import Node
 
 from slosh_estimator.nodes.estimator_node import EstimatorNode
@@ -183,7 +184,7 @@ def run(
     parser.add_argument("--turns", type=int, default=5, help="number of turns")
     parser.add_argument("--send", metavar="NAMESPACE", help=argparse.SUPPRESS)
     parser.add_argument("--count", type=int, default=0, help=argparse.SUPPRESS)
-    given = parser.parse_args()
+    given = parsed(parser, seconds=0.2, turns=1)
     if given.send:
         send(given.send, given.count)
         return 0

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from measuring import greatest_memory, peak_memory
+from measuring import greatest_memory, header_of, message_of, parsed, peak_memory
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
@@ -61,25 +61,13 @@ def write_bag(folder: Path, seconds: float) -> Path:
 
 def serialised(definitions: Definitions, k: int) -> tuple[bytes, bytes]:
     """Returns an AccelStamped and a SloshEstimate with random numbers, as CDR bytes."""
-    types: Any = definitions.typestore.types
-    vector = types["geometry_msgs/msg/Vector3"]
-    x = np.random.default_rng(k).normal(size=16)
-    moment = types["builtin_interfaces/msg/Time"](*divmod(10**18 + k * (10**9 // RATE), 10**9))
-    header = types["std_msgs/msg/Header"](moment, "world")
-    accel = types["geometry_msgs/msg/Accel"](vector(*x[:3].tolist()), vector(0.0, 0.0, 0.0))
-    linear, nonlinear = (
-        types["slosh_msgs/msg/ModelEstimate"](name, *y.tolist()[:4], y[:2], y[2:4])
-        for name, y in (("3D-L", x[3:7]), ("3D-NL", x[7:11]))
-    )
-    estimate = types[ESTIMATE_TYPE](
-        header=header, linear=linear, nonlinear=nonlinear, acceleration=x[:3],
-        jerk=float(x[11]), yaw=0.0, flags=0, samples_used=k, samples_dropped=0,
-    )  # fmt: skip
-    serialise = definitions.typestore.serialize_cdr
-    return (
-        bytes(serialise(types[ACCEL_TYPE](header, accel), ACCEL_TYPE)),
-        bytes(serialise(estimate, ESTIMATE_TYPE)),
-    )
+    store = definitions.typestore
+    header = header_of(store, 10**18 + k * (10**9 // RATE), "world")
+    normal = np.random.default_rng(k).normal
+    accel = message_of(store, ACCEL_TYPE, normal, header=header)
+    estimate = message_of(store, ESTIMATE_TYPE, normal, header=header, samples_used=k)
+    serialise = store.serialize_cdr
+    return bytes(serialise(accel, ACCEL_TYPE)), bytes(serialise(estimate, ESTIMATE_TYPE))
 
 
 def export(bag: Path, folder: Path, form: str) -> None:
@@ -117,9 +105,21 @@ def script(bag: Path, folder: Path) -> None:
                         json.dumps(list(part.modal_velocity)),
                     ]  # fmt: skip
                 estimate.writerow(
-                    [*row, *m.acceleration, m.jerk, m.yaw, m.flags, m.samples_used,
-                     m.samples_dropped]
+                    [*row, *m.acceleration, m.jerk, m.yaw, m.surface_height, m.height_along_wall,
+                     m.contact_radius, m.distance_to_rim, m.distance_along_wall, m.flags,
+                     m.samples_used, m.samples_dropped]
                 )  # fmt: skip
+
+
+def check_columns(folder: Path) -> None:
+    """Ends the benchmark if the script's tables do not have as many columns as the export's."""
+    for name in ("accel.csv", "estimate.csv"):
+        columns = []
+        for place in (folder / "script", folder / "csv"):
+            with next(place.rglob(f"*{name}")).open(newline="") as file:
+                columns.append(len(next(csv.reader(file))))
+        if columns[0] != columns[1]:
+            raise SystemExit(f"{name}: {columns[0]} columns of the script, {columns[1]} exported")
 
 
 def compare(seconds: float, turns: int) -> dict[str, Any]:
@@ -134,6 +134,7 @@ def compare(seconds: float, turns: int) -> dict[str, Any]:
         }
         for run in runs.values():
             run()  # compiles the decoders, and warms the disk's cache
+        check_columns(folder)
         times: dict[str, list[float]] = {label: [] for label in runs}
         for _ in range(turns):
             for label, run in runs.items():
@@ -163,7 +164,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--turns", type=int, default=3)
     parser.add_argument("--measure", type=Path, help=argparse.SUPPRESS)
-    given = parser.parse_args()
+    given = parsed(parser, seconds=0.2, turns=1)
     if given.measure:
         for form in ("csv", "parquet"):
             export(given.measure, given.measure.with_name("out"), form)

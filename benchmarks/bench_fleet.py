@@ -21,7 +21,7 @@ from typing import Any
 
 import pandas as pd
 from fleet_motions import bags_of_motions
-from measuring import timed
+from measuring import need, parsed, timed
 
 from slosh_bringup.fleet_page import render_fleet
 from slosh_replay.fleet.query import query
@@ -92,7 +92,8 @@ def main() -> int:
     parser.add_argument("--motions", type=int, default=1_000_000)
     parser.add_argument("--turns", type=int, default=3)
     parser.add_argument("--store", type=Path, help="kept folder of the store")
-    given = parser.parse_args()
+    given = parsed(parser, motions=1000, turns=1)
+    need("duckdb", "fleet.txt")
     with tempfile.TemporaryDirectory() as folder:
         store = filled(given.store or Path(folder), given.motions)
         found = compare(store, given.turns)

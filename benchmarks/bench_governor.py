@@ -24,6 +24,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "validation" / "studies"))
 from governed_loads import LOADS, Load, governor_of
 from governor import NOISE, PERIOD, drawn
+from measuring import need, parsed
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_model.tray import Tray, TrayContainer
@@ -67,7 +68,8 @@ def main() -> int:
     """Measures the step times and prints them; returns the exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--streams", type=int, default=20)
-    streams = range(parser.parse_args().streams)
+    need("pinocchio", "joints.txt")
+    streams = range(parsed(parser, streams=1).streams)
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     slow = False
     for (name, make), period, observed in product(CASES.items(), (1e-2, 1e-3), (False, True)):

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 import psutil
+from measuring import parsed
 
 from slosh_bringup.many_files import map_files
 
@@ -166,7 +167,7 @@ def main() -> int:
     parser.add_argument("--work", type=float, default=0.05, help="computing per item [s]")
     parser.add_argument("--turns", type=int, default=3)
     parser.add_argument("--memory", type=int, default=0, help=argparse.SUPPRESS)
-    given = parser.parse_args()
+    given = parsed(parser, items=2, work=0.01, turns=1)
     if given.memory:
         print(json.dumps(memory(given.memory)))
         return 0

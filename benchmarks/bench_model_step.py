@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from measuring import timed
+from measuring import parsed, timed
 from scipy.integrate import solve_ivp
 
 from slosh_model.batch import wall_heights
@@ -68,7 +68,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--trajectories", type=int, default=4096)
     parser.add_argument("--rounds", type=int, default=9)
-    given = parser.parse_args()
+    given = parsed(parser, trajectories=8, rounds=1)
     model = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
     t = np.arange(int(SECONDS * RATE)) / RATE
     acceleration = pushes(t, 9.0)

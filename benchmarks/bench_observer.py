@@ -13,6 +13,7 @@ import sys
 import time
 
 import numpy as np
+from measuring import parsed
 
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.observer.observer import Observer
@@ -52,7 +53,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--turns", type=int, default=7)
     turn()  # compiles or loads
-    found = np.array([turn() for _ in range(parser.parse_args().turns)])
+    found = np.array([turn() for _ in range(parsed(parser, turns=1).turns)])
     estimator, observer = found.min(axis=0).tolist()
     ratio = (estimator + observer) / estimator
     print(json.dumps({

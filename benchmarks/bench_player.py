@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 import rclpy
 from geometry_msgs.msg import AccelStamped
+from measuring import parsed
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
@@ -197,7 +198,7 @@ def main() -> int:
     parser.add_argument("--listen", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--way", help=argparse.SUPPRESS)
     parser.add_argument("--bag", type=Path, help=argparse.SUPPRESS)
-    given = parser.parse_args()
+    given = parsed(parser, seconds=0.3, turns=1)
     if given.listen:
         listen()
     if given.way:

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 import rclpy
-from measuring import timed
+from measuring import parsed, timed
 from rclpy.node import Node
 
 from slosh_model import Cylinder, Model, format_model, simulate
@@ -128,7 +128,7 @@ def main() -> int:
     """Measures and prints the times; returns 1 if the scan misses its goal."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=7)
-    rounds = parser.parse_args().rounds
+    rounds = parsed(parser, rounds=1).rounds
     scan, loop = scan_beside_loop(rounds)
     print(f"scan of {SCALES} scales of a {SECONDS:g} s motion: {scan:.3f} s (goal {GOAL:g} s)")
     print(f"loop of single simulations: {loop:.2f} s, {loop / scan:.1f} times as long")

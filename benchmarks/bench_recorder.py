@@ -40,6 +40,7 @@ import rclpy
 import zstandard
 from geometry_msgs.msg import AccelStamped
 from mcap.writer import CompressionType, Writer
+from measuring import parsed, with_own_modules
 from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage, Image
 
@@ -272,13 +273,13 @@ def main() -> int:
     parser.add_argument("--kinds", nargs="+", choices=("raw", "jpeg"), default=["raw", "jpeg"])
     for hidden in ("send", "receive", "callbacks", "mark"):
         parser.add_argument(f"--{hidden}", help=argparse.SUPPRESS)
-    given = parser.parse_args()
+    given = parsed(parser, seconds=0.5, rounds=1, kinds=["raw"])
     if given.send:
         send(given.send)
     if given.receive or given.callbacks:
         receive(given.receive or given.callbacks, bool(given.receive), Path(given.mark))
     with own_domain() as domain:
-        os.environ.update(node_environment(domain))
+        os.environ.update(with_own_modules(node_environment(domain)))
         return compare(given.kinds, given.rounds, given.seconds)
 
 

@@ -33,7 +33,7 @@ import numpy as np
 import yaml
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from measuring import greatest_memory, peak_memory
+from measuring import greatest_memory, header_of, message_of, parsed, peak_memory
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.columns.cdr_columns import write_messages
@@ -161,7 +161,7 @@ class Packer:
     def __init__(self, definitions: Definitions) -> None:
         for kind in TYPES.values():
             definitions.hash(kind)  # makes the type known
-        self._store = definitions.typestore
+        self._store: Any = definitions.typestore
 
     def settings(self) -> list[tuple[int, str, bytes]]:
         """Returns the serialised settings messages of estimator and monitor."""
@@ -170,8 +170,8 @@ class Packer:
         for node, parameters in PARAMETERS.items():
             files = {"model": format_model(MODEL)} if node == "estimator" else {}
             message = self._store.types[kind](
-                header=self._header(), node=node, arithmetic=arithmetic_fingerprint(),
-                code=sources_digest(*SOURCES),
+                header=header_of(self._store, 0, "world"), node=node,
+                arithmetic=arithmetic_fingerprint(), code=sources_digest(*SOURCES),
                 document=yaml.safe_dump({"parameters": parameters, "files": files}),
             )  # fmt: skip
             data = bytes(self._store.serialize_cdr(message, kind))
@@ -193,32 +193,12 @@ class Packer:
 
     def _blank(self, kind: str) -> Any:
         """Returns a message with zero numbers and the usual strings."""
-        types: Any = self._store.types
-        header = self._header()
-        if kind == TYPES["/slosh/accel"]:
-            vector = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
-            return types[kind](header, types["geometry_msgs/msg/Accel"](vector, vector))
-        if kind == TYPES["/slosh/estimate"]:
-            state = (0.0, 0.0, 0.0, 0.0, np.zeros(2), np.zeros(2))
-            linear, nonlinear = (
-                types["slosh_msgs/msg/ModelEstimate"](name, *state) for name in ("3D-L", "3D-NL")
-            )
-            return types[kind](header, linear, nonlinear, np.zeros(3), 0.0, 0.0, 0, 0, 0)
-        named = {"header": header, "profile_azimuth": np.empty(0, np.float32),
-                 "profile_height": np.empty(0, np.float32)}  # fmt: skip
-        message: Any = types[kind]
-        fields = {
-            name: named.get(
-                name, False if "bool" in str(form) else 0.0 if "float" in str(form) else 0
-            )
-            for name, form in message.__annotations__.items()
-            if not name.isupper()
+        empty: dict[str, Any] = {
+            name: np.empty(0, np.float32)
+            for name, _ in self._store.fielddefs[kind][1]
+            if "profile" in name
         }
-        return message(**fields)
-
-    def _header(self) -> Any:
-        types: Any = self._store.types
-        return types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](0, 0), "world")
+        return message_of(self._store, kind, header=header_of(self._store, 0, "world"), **empty)
 
 
 def decode(bag: Path) -> int:
@@ -304,7 +284,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--turns", type=int, default=3)
     parser.add_argument("--measure", type=Path, nargs="+", help=argparse.SUPPRESS)
-    given = parser.parse_args()
+    given = parsed(parser, seconds=2.0, turns=1)
     if given.measure:
         return measure(given.measure)
     with tempfile.TemporaryDirectory() as name:

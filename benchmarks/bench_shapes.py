@@ -13,6 +13,7 @@ import sys
 import time
 
 import numpy as np
+from measuring import parsed
 
 from slosh_model.model import Model
 from slosh_model.shapes import Frustum
@@ -27,7 +28,7 @@ def main() -> int:
     """Prints times per sample and their ratio; returns 1 if it exceeds the goal."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=60)
-    given = parser.parse_args()
+    given = parsed(parser, rounds=1)
     t = np.arange(SAMPLES) / RATE
     columns = [2.0 * np.sin(9.0 * t), 2.0 * np.cos(7.0 * t) - 2.0, np.sin(11.0 * t)]
     inputs = Inputs(t, np.stack(columns, axis=1))

@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import rclpy
+from measuring import parsed, with_own_modules
 from rclpy.node import Node
 from sensor_msgs.msg import Image
 
@@ -60,13 +61,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=8.0)
     parser.add_argument("--role", nargs=6, help=argparse.SUPPRESS)
-    given = parser.parse_args()
+    given = parsed(parser, seconds=0.5)
     if given.role:
         role, kind, height, width, fps, seconds = given.role
         stream = Stream(int(height), int(width), float(fps))
         return send(stream, float(seconds)) if role == "send" else read(kind)
     with own_domain() as domain, tempfile.TemporaryDirectory() as folder:
-        environments = {"shared memory": node_environment(domain)}
+        environments = {"shared memory": with_own_modules(node_environment(domain))}
         environments["UDP"] = environments["shared memory"] | udp_alone(Path(folder))
         return compare(environments, given.seconds)
 

@@ -23,6 +23,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import psutil
+from measuring import parsed
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
 
@@ -169,7 +170,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=8.0)
     parser.add_argument("--turns", type=int, default=3)
     parser.add_argument("--docs", action="store_true", help="write docs/watch.md")
-    given = parser.parse_args()
+    given = parsed(parser, seconds=0.2, turns=1)
     lines = measure(given.seconds, given.turns)
     print("\n".join(lines))
     if given.docs:

@@ -1,6 +1,7 @@
 """Tests `make setup`: the Python that it chooses, and paths with special characters."""
 
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -104,3 +105,39 @@ def test_a_path_with_a_blank_an_umlaut_and_a_quote_is_taken(place):
     bootstrap.check_place()
     assert not bootstrap.PLAIN.fullmatch(str(place))
     assert bootstrap.PLAIN.fullmatch("/home/me/slosh-1.0/.venv")
+
+
+def test_extras_are_installed_once_and_a_failure_is_one_line(place, monkeypatch, capsys):
+    """`make test` has what it can get; the next one asks again only for what failed."""
+    (place / ".venv/.environment").write_text("digest")
+    installed = []
+
+    def run(command):
+        name = Path(command[-1]).stem
+        installed.append(name)
+        if name == "moto":
+            raise bootstrap.BootstrapError("`pip` failed:\nERROR: No matching distribution\nmore")
+
+    monkeypatch.setattr(bootstrap, "run", run)
+    monkeypatch.setattr(bootstrap, "to_bytecode", lambda folders: None)
+    monkeypatch.setattr(bootstrap, "ROS", place / "no ros")
+    for expected in (list(bootstrap.EXTRAS), ["moto"]):
+        installed.clear()
+        bootstrap.install_extras()
+        assert installed == expected
+        assert capsys.readouterr().err.splitlines() == [
+            "setup: requirements/moto.txt could not be installed, its tests are skipped: "
+            "No matching distribution"
+        ]
+
+
+def test_only_tests_and_measurements_pay_for_the_extras():
+    """A user's `make demo` downloads nothing that only tests use."""
+    text = (bootstrap.REQUIREMENTS.parent / "Makefile").read_text()
+    needs = dict(re.findall(r"^([\w-]+): (setup|test-setup)$", text, re.MULTILINE))
+    paying = {target for target, needed in needs.items() if needed == "test-setup"}
+    assert paying == {"test", "test-all", "validation", "coverage", "bench"}
+    assert needs["demo"] == "setup"
+    recipe = re.search(r"^test-setup:\n\t(.*)$", text, re.MULTILINE)
+    assert recipe is not None
+    assert recipe[1].endswith("bootstrap.py --tests")

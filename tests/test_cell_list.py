@@ -94,12 +94,6 @@ def ports(
             group.__exit__(None, None, None)
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[LiveBrowser]:
-    with LiveBrowser() as found:
-        yield found
-
-
 ROWS = (
     "[...document.querySelectorAll('#cells tr')].map((r) => [...r.cells].map((c) => c.innerText))"
 )

@@ -50,7 +50,7 @@ def cell(
         group.start(NodeProcess("recorder", (), {"output": str(tmp_path / "bag")}))
         start = time.monotonic()
         robot.push = lambda t: swing(0.5)(time.monotonic() - start)
-        robot.until(lambda: robot.health.keys() >= NODES, "the nodes")
+        robot.until(lambda: robot.recorded >= NODES - {"recorder"}, "the nodes")
         robot.until(lambda: is_well(robot) and recorded(robot) > 600, "a cell that is well")
         yield group, robot
 

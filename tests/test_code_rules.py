@@ -1,5 +1,6 @@
 """Tests that `make lint` passes, and that each of its rules rejects a planted violation."""
 
+import ast
 import os
 import re
 import shutil
@@ -52,6 +53,13 @@ UPWARDS = {
     ),
 }
 """By the contract that it breaks: a module, and what it must not import."""
+PROGRAM = r"chromium|google-chrome|povray|mosquitto"
+OTHER_WAY = re.compile(
+    r"LiveBrowser\(|find_browser|^import headless_browser|find_mosquitto|\bBroker\(|"
+    rf"import .*\bBroker\b|which\(\s*[\"'](?:{PROGRAM})[\"']|\[\s*[\"'](?:{PROGRAM})[\"']",
+    re.MULTILINE,
+)
+"""What starts a browser, a broker or a ray tracer without the fixtures of `conftest.py`."""
 
 
 def run(command, folder, **variables):
@@ -119,6 +127,44 @@ def test_import_linter_refuses_each_import_upwards(tmp_path):
         assert re.search(
             rf"-\s+{re.escape(importer)} -> {re.escape(imported)} \(l\.\d+\)", done.stdout
         )
+
+
+def other_ways(text):
+    """Returns what a test's source starts without a fixture that skips where it is missing."""
+    tracing = [
+        node.name
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.FunctionDef)
+        and "render.Renderer(" in ast.unparse(node)
+        and "ray_tracer" not in ast.unparse(node)
+    ]
+    return [*OTHER_WAY.findall(text), *tracing]
+
+
+def test_browser_broker_and_ray_tracer_have_one_way():
+    files = [*ROOT.glob("src/*/test/**/*.py"), *ROOT.glob("tests/**/*.py")]
+    files += ROOT.glob("validation/**/test_*.py")
+    found = {
+        str(path.relative_to(ROOT)): ways
+        for path in files
+        if path != Path(__file__) and (ways := other_ways(path.read_text(encoding="utf-8")))
+    }
+    assert found == {}
+
+
+@pytest.mark.parametrize(
+    "planted",
+    [
+        "with LiveBrowser() as browser:\n    pass\n",
+        "import headless_browser\n",
+        "from slosh_testing.plc import Broker, free_port\n",
+        'shutil.which("povray")\n',
+        'subprocess.run(["mosquitto", "-v"])\n',
+        "def test_a(scenes):\n    scenes.render.Renderer(scene, folder)\n",
+    ],
+)
+def test_another_way_to_a_program_is_refused(planted):
+    assert other_ways(planted)
 
 
 @pytest.mark.long

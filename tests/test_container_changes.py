@@ -58,16 +58,11 @@ def line(tmp_path: Path, domain: int) -> Iterator[HearingRobot]:
         with NodeGroup("/slosh", tmp_path / "logs", node_environment(domain)) as group:
             for name in NODES:
                 group.start(NodeProcess(name, (), own[name]))
-            for name in NODES:
-                robot.until(lambda name=name: state_of(robot, name) == "ready", name)
+            robot.await_ready(*NODES)
             yield robot
     finally:
         robot.close()
         rclpy.shutdown()
-
-
-def state_of(robot: HearingRobot, name: str) -> str:
-    return robot.health.get(name, ("", {}))[1].get("state", "")
 
 
 class Shift:
@@ -125,8 +120,7 @@ def test_a_tray_over_dds_names_the_worst_and_is_replayed(tmp_path: Path, domain:
         with NodeGroup("/slosh", tmp_path / "logs", node_environment(domain)) as group:
             for name, given in own.items():
                 group.start(NodeProcess(name, (), given))
-            for name in own:
-                robot.until(lambda name=name: state_of(robot, name) == "ready", name)
+            robot.await_ready(*own)
             imu = robot.node.create_publisher(Imu, topics.IMU, qos.STREAM_OUT)
             robot.until(lambda: imu.get_subscription_count() >= 2, "two readers")
             last_ns = turn(robot, imu)

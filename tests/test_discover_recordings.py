@@ -79,7 +79,7 @@ class TestShippedBags:
         assert [m.name for m in motions_of_day(BAGS)] == [e.motion.name for e in found]
 
 
-@pytest.mark.skipif(not CFD.is_dir(), reason=f"no CFD data in {CFD}")
+@pytest.mark.skipif(not CFD.is_dir(), reason=f"no CFD data in {CFD}: set SLOSH_SHARED_DATA")
 def test_the_cfd_motions_have_wall_heights_all_round() -> None:
     motions = read_motions(CFD)
     assert [motion.name for motion in motions] == ["e1", "l1"]
@@ -89,7 +89,9 @@ def test_the_cfd_motions_have_wall_heights_all_round() -> None:
         assert motion.peak_heights.max() == pytest.approx(0.031, abs=0.003)
 
 
-@pytest.mark.skipif(not ANTISLOSHING.is_dir(), reason=f"no measured runs in {ANTISLOSHING}")
+@pytest.mark.skipif(
+    not ANTISLOSHING.is_dir(), reason=f"no measured runs in {ANTISLOSHING}: set SLOSH_SHARED_DATA"
+)
 class TestMeasuredRuns:
     @pytest.fixture(scope="class")
     @classmethod

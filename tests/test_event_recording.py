@@ -52,7 +52,7 @@ def test_a_bag_round_an_event_replays_bit_for_bit_and_tells_what_happened(tmp_pa
     with nodes_and_robot(tmp_path, domain) as (group, robot):
         robot.push = swing(0.05)
         group.start(NodeProcess("recorder", (), {"output": str(folder), **EVENTS}))
-        robot.until(lambda: "recorder" in robot.health, "the recorder")
+        robot.until(lambda: robot.recorded >= {"estimator", "monitor"}, "the recorder")
         robot.for_seconds(3.0)
         robot.surface.msh = 0.03
         robot.until(lambda: robot.comparisons[-1].state == ERROR, "a limit event")

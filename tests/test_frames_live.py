@@ -60,10 +60,7 @@ def cell(folder: Path, domain: int, **own: str) -> Iterator[Robot]:
         with NodeGroup("/slosh", folder / "logs", node_environment(domain)) as group:
             for process in (NodeProcess("estimator", (), given), recorder):
                 group.start(process)
-            robot.until(
-                lambda: robot.health.get("estimator", ("", {}))[1].get("state") == "ready",
-                "the estimator",
-            )
+            robot.await_ready("estimator", "recorder")
             yield robot
     finally:
         robot.close()

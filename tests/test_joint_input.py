@@ -23,7 +23,7 @@ from slosh_testing.journaled import assert_same_by_journal
 from slosh_testing.rail_robot import JOINTS, RAIL_URDF, acceleration, swung
 
 pytestmark = [
-    pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed"),
+    pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)"),
     pytest.mark.timeout(200),
 ]
 TEXT = """
@@ -101,9 +101,7 @@ def test_joints_of_two_drivers_live_and_replayed(tmp_path: Path, domain: int) ->
             lambda: waiting in driver.health.get("estimator", ("",))[0], "the node to wait"
         )
         driver.describe()
-        driver.until(
-            lambda: driver.health["estimator"][1].get("state") == "ready", "the estimator"
-        )
+        driver.await_ready("estimator", "recorder")
         driver.until(
             lambda: all(one.get_subscription_count() >= 2 for one in driver.states), "two readers"
         )

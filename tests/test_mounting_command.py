@@ -33,7 +33,9 @@ STATE, IMU, POSE = (
 )
 TEXT, ACCEL = "std_msgs/msg/String", "geometry_msgs/msg/AccelStamped"
 TREE = "tf2_msgs/msg/TFMessage"
-needs_pinocchio = pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
+needs_pinocchio = pytest.mark.skipif(
+    not available(), reason="no Pinocchio (requirements/joints.txt)"
+)
 Message = tuple[str, str, int, Any]
 
 

@@ -112,7 +112,7 @@ def test_the_adapter_compiles_against_moveit_where_it_is_installed():
     roots += [Path("/opt/ros/jazzy")]
     header = "moveit/planning_interface/planning_response_adapter.hpp"
     if not any((root / "include/moveit_core" / header).exists() for root in roots):
-        pytest.skip("MoveIt's headers (moveit_core) are not installed")
+        pytest.skip("no headers of MoveIt: sudo apt install ros-jazzy-moveit-core")
     own = [f"-I{folder}" for root in roots for folder in (root / "include").glob("*")]
     eigen = "-I/usr/include/eigen3"
     subprocess.run(

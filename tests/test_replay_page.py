@@ -3,7 +3,6 @@
 import json
 import re
 
-import headless_browser
 import pytest
 from headless_browser import View
 
@@ -11,9 +10,6 @@ from slosh_bringup.cli.main import main
 from slosh_testing.live_bag import TEXT, LiveBag
 from slosh_testing.pages import at
 
-pytestmark = [
-    pytest.mark.skipif(headless_browser.find_browser() is None, reason="no Chromium or Chrome"),
-]
 LOOK = """
 const all = (selector) => [...document.querySelectorAll(selector)];
 return {
@@ -27,7 +23,7 @@ return {
 
 
 @pytest.fixture(scope="module")
-def seen(tmp_path_factory):
+def seen(headless, tmp_path_factory):
     """Returns page contents and JSON figures of three replays, from one browser run.
 
     One passes its check, one fails it with another model, one is of a bag without images.
@@ -58,7 +54,7 @@ def seen(tmp_path_factory):
         for path in files.values()
         for width in (1280, 390)
     ]
-    look = headless_browser.look(views, LOOK)
+    look = headless.look(views, LOOK)
     pages = dict(zip(files, zip(look.values[::2], look.values[1::2], strict=True), strict=True))
     figures = {
         name: json.loads(path.with_suffix(".json").read_text()) for name, path in files.items()

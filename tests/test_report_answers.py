@@ -3,27 +3,16 @@
 import json
 from urllib.parse import quote
 
-import headless_browser
 import numpy as np
 import pytest
-from live_browser import LiveBrowser
 
 from slosh_bringup.cli.main import main
 from slosh_report.index_page import IndexRow, render_index
 from slosh_report.run_report import RunVerdict
 from slosh_testing.live_bag import LiveBag
 
-pytestmark = [
-    pytest.mark.long,
-    pytest.mark.skipif(headless_browser.find_browser() is None, reason="no Chromium or Chrome"),
-]
+pytestmark = pytest.mark.long
 CHART = "document.querySelector('figure[data-rows=heights] .wide')"
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with LiveBrowser() as browser:
-        yield browser
 
 
 @pytest.fixture(scope="module")

@@ -238,7 +238,7 @@ def truth() -> float:
 ROBOTS = [
     pytest.param(
         Maker.joints, "joints", "/joint_states",
-        marks=pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed"),
+        marks=pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)"),
     ),
     (Maker.transforms, "tf", "/tf"),
     (Maker.odometry, "odometry", "/odom"),

@@ -5,7 +5,6 @@ import shlex
 import cv2
 import numpy as np
 import pytest
-from live_browser import LiveBrowser
 
 from slosh_bringup.cli.main import main
 from slosh_camera.calibrate.camera_file import read_any_calibration
@@ -29,20 +28,19 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_two_clicks_make_the_command(folder, capsys):
+def test_two_clicks_make_the_command(browser, folder, capsys):
     words = ["--page", "clicks.html", "--model", "model.yaml", "-o", "camera.yaml"]
     assert main(["calibrate", "my still.png", *words]) == 0
     assert "clicks.html: open it" in capsys.readouterr().out
-    with LiveBrowser() as browser:
-        page = browser.open((folder / "clicks.html").as_uri(), 900, 1200)
-        page.wait_until("still.complete && still.naturalWidth === 440")
-        page.value(f"{CLICK}([340.0, 200.0])")  # the right end first
-        command = page.value(f"{CLICK}([90.0, 200.0])")
-        assert command.startswith("slosh calibrate 'my still.png' --scale ")
-        clicked = [float(word) for word in shlex.split(command)[4:8]]
-        assert clicked == pytest.approx([90.0, 200.0, 340.0, 200.0], abs=0.7)  # a screen's pixel
-        command = page.value(f"{CLICK}([100.0, 200.0])")  # moves the nearer end
-        assert page.complaints == []
+    page = browser.open((folder / "clicks.html").as_uri(), 900, 1200)
+    page.wait_until("still.complete && still.naturalWidth === 440")
+    page.value(f"{CLICK}([340.0, 200.0])")  # the right end first
+    command = page.value(f"{CLICK}([90.0, 200.0])")
+    assert command.startswith("slosh calibrate 'my still.png' --scale ")
+    clicked = [float(word) for word in shlex.split(command)[4:8]]
+    assert clicked == pytest.approx([90.0, 200.0, 340.0, 200.0], abs=0.7)  # a screen's pixel
+    command = page.value(f"{CLICK}([100.0, 200.0])")  # moves the nearer end
+    assert page.complaints == []
     assert main(shlex.split(command)[1:]) == 0
     scale = float(capsys.readouterr().out.split()[1])
     assert scale == pytest.approx(0.5, abs=0.003)
@@ -71,7 +69,7 @@ def click(page, pixel):
         page.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
 
-def test_a_mouse_draws_the_outline_of_a_new_container(folder, capsys):
+def test_a_mouse_draws_the_outline_of_a_new_container(browser, folder, capsys):
     pixels = [(800.0 + 1e4 * r, 1100.0 - 1e4 * z) for r, z in OUTER]
     rim = pixels[-1]
     photograph = np.full((1200, 1600, 3), 190, np.uint8)
@@ -80,20 +78,19 @@ def test_a_mouse_draws_the_outline_of_a_new_container(folder, capsys):
     cv2.imwrite("photo.png", photograph)
     words = ["new", "cup", "--outline", "photo.png", "--across", "0.088", "--fill-height", "0.05"]
     assert main([*words, "--page", "clicks.html"]) == 0
-    with LiveBrowser() as browser:
-        page = browser.open((folder / "clicks.html").as_uri(), 900, 1200)
-        page.wait_until("still.complete && still.naturalWidth === 1600")
-        click(page, rim)  # the right end first
-        click(page, (1600.0 - rim[0], rim[1]))
-        assert page.value("command.textContent") == "2 more to click"
-        click(page, (1000.0, 300.0))  # a slip, taken back
-        press(page, "Backspace")
-        for pixel in pixels[-2::-1]:
-            click(page, pixel)
-        before = page.value("command.textContent")
-        press(page, "ArrowLeft")
-        command = page.value("command.textContent")
-        assert page.complaints == []
+    page = browser.open((folder / "clicks.html").as_uri(), 900, 1200)
+    page.wait_until("still.complete && still.naturalWidth === 1600")
+    click(page, rim)  # the right end first
+    click(page, (1600.0 - rim[0], rim[1]))
+    assert page.value("command.textContent") == "2 more to click"
+    click(page, (1000.0, 300.0))  # a slip, taken back
+    press(page, "Backspace")
+    for pixel in pixels[-2::-1]:
+        click(page, pixel)
+    before = page.value("command.textContent")
+    press(page, "ArrowLeft")
+    command = page.value("command.textContent")
+    assert page.complaints == []
     numbers = [[float(word) for word in shlex.split(text)[10:]] for text in (before, command)]
     clicked = np.reshape(numbers[0], (-1, 2))
     expected = [(1600.0 - rim[0], rim[1]), rim, *pixels[-2::-1]]

@@ -21,7 +21,7 @@ from slosh_testing.journaled import assert_same_by_journal
 from slosh_testing.rail_robot import JOINTS, RAIL_URDF, felt_on_cup, swung
 
 pytestmark = [
-    pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed"),
+    pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)"),
     pytest.mark.timeout(200),
 ]
 TEXT = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\n"
@@ -60,8 +60,8 @@ class Arm(HearingRobot):
     def says(self, text: str) -> bool:
         return text in self.health.get("estimator", ("",))[0]
 
-    def fact(self, text: str) -> bool:
-        return text in self.health.get("estimator", ("", {}))[1].get("second source", "")
+    def compares(self, text: str) -> bool:
+        return text in self.fact("estimator", "second source")
 
 
 @contextmanager
@@ -79,7 +79,7 @@ def cell(folder: Path, domain: int, *others: NodeProcess, **own: str) -> Iterato
         with NodeGroup("/slosh", folder / "logs", node_environment(domain)) as group:
             for process in (NodeProcess("estimator", (), given), *others):
                 group.start(process)
-            arm.until(lambda: arm.fact("no common motion yet"), "both to be heard")
+            arm.until(lambda: arm.compares("no common motion yet"), "both to be heard")
             yield arm
     finally:
         arm.close()
@@ -92,6 +92,7 @@ def test_a_sensor_turned_about_the_vertical_is_named_after_one_motion(
     bag = tmp_path / "bag"
     recorder = NodeProcess("recorder", (), {"output": str(bag)})
     with cell(tmp_path, domain, recorder, input="imu") as arm:
+        arm.await_ready("estimator", "recorder")
         arm.until(lambda: arm.imu.get_subscription_count() >= 2, "the recorder")
         arm.play(QUARTER)
         arm.until(lambda: arm.says("imu against joints: its x, y, z point along"), "the reason")
@@ -116,7 +117,7 @@ def test_a_sensor_turned_about_the_vertical_is_named_after_one_motion(
 def test_the_remedy_is_right(tmp_path: Path, domain: int) -> None:
     with cell(tmp_path, domain, input="imu", sensor_rotation="[0.0, 0.0, 1.5708]") as arm:
         arm.play(QUARTER)
-        arm.until(lambda: arm.fact("imu against joints: right, motions: 1"), "the comparison")
+        arm.until(lambda: arm.compares("imu against joints: right, motions: 1"), "the comparison")
         arm.play(QUARTER)
         assert not any(one.flags & CONTRADICTED for one in arm.estimates)
 

@@ -105,8 +105,7 @@ def test_two_cameras_of_a_tray_over_dds_are_compared_and_replayed(
         with NodeGroup("/slosh", tmp_path / "logs", node_environment(domain)) as group:
             for name, given in own.items():
                 group.start(NodeProcess(name, (), given))
-            for name in own:
-                robot.until(lambda name=name: state_of(robot, name) == "ready", name)
+            robot.await_ready(*own)
             cameras = Cameras(robot)
             cameras.turn()
             for name, compared in cameras.compared.items():
@@ -163,10 +162,6 @@ def assert_curves(bag: Path, cameras: Cameras) -> None:
         shown = np.column_stack((one.measured, one.nonlinear))[:count]
         np.testing.assert_array_equal(shown, known)
         assert one.limit == 0.02
-
-
-def state_of(robot: HearingRobot, name: str) -> str:
-    return robot.health.get(name, ("", {}))[1].get("state", "")
 
 
 def test_a_cell_file_gives_each_container_its_camera(tray: Path, tmp_path: Path) -> None:

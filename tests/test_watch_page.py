@@ -10,13 +10,11 @@ import urllib.error
 import urllib.request
 from pathlib import Path
 
-import headless_browser
 import numpy as np
 import pytest
 import rclpy
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from live_browser import LiveBrowser
 from rclpy.node import Node
 from websockets.sync.client import connect
 
@@ -29,10 +27,7 @@ from slosh_testing.live_processes import free_port, live_process
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "l3"
 NASTY = "<script>document.title='owned'</script><img src=x onerror=\"document.title='owned'\">"
-pytestmark = [
-    pytest.mark.skipif(headless_browser.find_browser() is None, reason="no Chromium or Chrome"),
-    pytest.mark.timeout(200),
-]
+pytestmark = pytest.mark.timeout(200)
 
 
 class Voices(threading.Thread):
@@ -123,12 +118,6 @@ def _image_topic():
     from sensor_msgs.msg import Image
 
     return Image, topics.IMAGE, qos.IMAGE_OUT
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with LiveBrowser() as found:
-        yield found
 
 
 @pytest.fixture(scope="module")

@@ -1,9 +1,10 @@
 """Prepares this checkout for use: Python environment, ROS 2 Jazzy and built workspace.
 
-    python3 tools/bootstrap.py
+    python3 tools/bootstrap.py [--tests]
 
-Every step is done once and skipped as long as what it depends on is unchanged. With /opt/ros/jazzy
-present that ROS is used; otherwise ROS 2 Jazzy comes as wheels into the virtual environment.
+Every step is done once and skipped as long as what it depends on is unchanged. With --tests also
+the optional libraries that tests and measurements use. With /opt/ros/jazzy present that ROS is
+used; otherwise ROS 2 Jazzy comes as wheels into the virtual environment.
 Needs the standard library alone.
 
 Environment variables: SLOSH_VENV (default .venv), SLOSH_PYTHON (an interpreter, 3.11 or 3.12),
@@ -39,6 +40,10 @@ NOT_IN_PATHS = ':;"$`\\\n'
 """A colon ends a path in PATH, a semicolon in CMake; the others mean something to a shell."""
 PLAIN = re.compile(r"[\w./+@-]+", re.ASCII)
 """Paths that the CMake files of ROS 2 take as they are."""
+EXTRAS = ("joints", "plc", "fleet", "storage", "moto", "pdf", "deployment")
+"""Requirement files that tests and benchmarks use beside those of every set-up."""
+WITH_ROS = ("plan", "modes")
+"""Further ones where ROS 2 is installed: the wheels' set-up has them."""
 MESSAGES = "slosh_msgs"
 STAND_INS = "tests/interfaces"
 """Messages that tests need and no wheel has: built where ROS 2 is not installed."""
@@ -63,6 +68,8 @@ def main() -> int:
             lambda: once("workspace", WORKSPACE / "install", workspace_inputs(), build_workspace),
             lambda: once("compiled", VENV, compiled_inputs(), compile_functions),
         )
+        if "--tests" in sys.argv[1:]:
+            install_extras()
     except BootstrapError as error:
         print(f"setup: {error}", file=sys.stderr)
         return 1
@@ -192,6 +199,40 @@ def install_environment(python: Path) -> None:
         run([*pip, "--no-deps", f"numpy=={version}"])
     mend_wheels()
     to_bytecode([site_packages()])
+
+
+def install_extras() -> None:
+    """Installs the optional libraries; tells in one line which of them cannot be had."""
+    before = sorted(VENV.glob(".extra-*"))
+    for name in (*EXTRAS, *(WITH_ROS if ROS.is_dir() else ())):
+        path = REQUIREMENTS / f"{name}.txt"
+        inputs = [(VENV / ".environment").read_bytes(), path.read_bytes()]
+        try:
+            once(f"extra-{name}", VENV, inputs, partial(install_extra, path))
+        except BootstrapError as error:
+            why = next(
+                (line for line in str(error).splitlines() if line.startswith("ERROR:")),
+                str(error).splitlines()[0],
+            )
+            print(
+                f"setup: requirements/{name}.txt could not be installed, its tests are skipped: "
+                f"{why.removeprefix('ERROR: ')}",
+                file=sys.stderr,
+            )
+    if sorted(VENV.glob(".extra-*")) != before:
+        to_bytecode([site_packages()])
+
+
+def install_extra(path: Path) -> None:
+    """Installs the exact versions of a file; where ROS 2 is installed, what fits to its NumPy."""
+    # Without a network the tests have to begin soon.
+    pip = [str(VENV / "bin/python"), "-m", "pip", "install", "--quiet", "--no-input"]
+    pip += ["--disable-pip-version-check", "--no-compile", "--retries", "1", "--timeout", "15"]
+    wishes = path.with_suffix(".in")
+    if ROS.is_dir() and wishes.exists():
+        run([*pip, "-c", str(REQUIREMENTS / "constraints-jazzy.txt"), "-r", str(wishes)])
+    else:
+        run([*pip, "--no-deps", "-r", str(path)])
 
 
 def mend_wheels() -> None:

@@ -13,7 +13,7 @@ from slosh_plan.planning import optimise
 
 pytestmark = [
     pytest.mark.long,
-    pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed"),
+    pytest.mark.skipif(not optimise.available(), reason="no CasADi (requirements/plan.txt)"),
 ]
 
 TOPICS = {f"/slosh/{name}" for name in ("planned_trajectory", "prediction", "prediction_outcome")}

@@ -14,7 +14,6 @@ import pytest
 
 from slosh_metrics.motion_spans import MotionFinder
 from slosh_tables.motion_table import read_motion_table
-from slosh_testing.plc import WHY, find_mosquitto
 from validation.long_runs import month_audit as audit
 from validation.long_runs.month_audit import Fate, Outage, Row, Shift
 from validation.long_runs.month_clients import BAD, GONE, GOOD, Clients, Seen
@@ -135,7 +134,7 @@ def test_the_clock_shows_another_day_and_waits_as_long(tmp_path: Path) -> None:
 
 @pytest.mark.long
 @needs_compiler
-@pytest.mark.skipif(find_mosquitto() is None, reason=WHY)
+@pytest.mark.usefixtures("new_broker")
 @pytest.mark.skipif(os.geteuid() != 0, reason="a small file system needs root")
 def test_two_days_lose_nothing_without_a_word(tmp_path: Path) -> None:
     pytest.importorskip("duckdb", reason="not installed (requirements/fleet.txt)")

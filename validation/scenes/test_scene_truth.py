@@ -3,7 +3,6 @@
 import importlib
 import json
 import math
-import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -105,7 +104,7 @@ def test_sequences_start_at_rest_and_reach_their_amplitude(scenes):
         assert max(peaks) < MM * scene.cup.rim
 
 
-@pytest.mark.skipif(shutil.which("povray") is None, reason="povray is not installed")
+@pytest.mark.usefixtures("ray_tracer")
 def test_traced_masks_show_the_line_where_the_geometry_sees_it(scenes, tmp_path):
     base = scenes.definitions.SCENES["wide_close"]
     camera = replace(base.camera, width=200, height_px=150, focal=162.5)

@@ -84,7 +84,7 @@ def test_two_clocks_are_laid_over_each_other_where_they_are(tmp_path):
 
 @pytest.mark.long
 @pytest.mark.skipif(not ANTISLOSHING.is_dir(), reason=f"no measured runs in {ANTISLOSHING}")
-@pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
+@pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)")
 def test_joints_of_a_real_robot_give_the_heights_of_its_poses(tmp_path):
     """Tests that a robot's joint positions give the same heights as the recorded cup poses."""
     compared = 0
@@ -99,7 +99,7 @@ def test_joints_of_a_real_robot_give_the_heights_of_its_poses(tmp_path):
 
 
 @pytest.mark.skipif(not ANTISLOSHING.is_dir(), reason=f"no measured runs in {ANTISLOSHING}")
-@pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
+@pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)")
 def test_the_kinematics_of_a_real_robot_give_its_poses():
     """Tests that forward kinematics reproduce the recorded poses of a robot's cup."""
     data = read_arm(ANTISLOSHING)

@@ -55,7 +55,9 @@ def test_heights_are_those_of_the_images_plane_with_the_scales_error(images, cap
     assert float(rows[0]["msh_stddev"]) < 1.5e-4
 
 
-@pytest.mark.skipif(not finite_elements.available(), reason="scikit-fem is not installed")
+@pytest.mark.skipif(
+    not finite_elements.available(), reason="no scikit-fem (requirements/modes.txt)"
+)
 def test_a_trough_is_measured_along_its_y_as_a_rectangle_of_its_length(images):
     model, camera = images / "trough.yaml", images / "camera.yaml"
     model.write_text(

@@ -13,7 +13,9 @@ from slosh_estimator.robot import available
 
 URDF = Path(__file__).resolve().parents[3] / "examples" / "robot.urdf"
 CUP = ["--diameter", "0.08", "--fill-height", "0.06", "--no-camera"]
-needs_pinocchio = pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
+needs_pinocchio = pytest.mark.skipif(
+    not available(), reason="no Pinocchio (requirements/joints.txt)"
+)
 
 
 def estimator(setup):

@@ -17,7 +17,7 @@ CUP = (
 KEYS = {"natural_frequency", "damping_ratio", "mass", "height_per_displacement"}
 
 needs_solver = pytest.mark.skipif(
-    not finite_elements.available(), reason="scikit-fem is not installed"
+    not finite_elements.available(), reason="no scikit-fem (requirements/modes.txt)"
 )
 
 

@@ -24,7 +24,7 @@ from slosh_model.shapes.rectangle import Rectangle
 from slosh_testing.commands import complaint
 
 needs_solver = pytest.mark.skipif(
-    not finite_elements.available(), reason="scikit-fem is not installed"
+    not finite_elements.available(), reason="no scikit-fem (requirements/modes.txt)"
 )
 ROUND = ["--diameter", "0.08", "--fill-height", "0.06"]
 SQUARE = ["--width", "0.1", "--depth", "0.07", "--fill-height", "0.06"]

@@ -122,7 +122,7 @@ URDF = """<robot name="slide">
 </robot>"""
 
 
-@pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
+@pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)")
 def test_motions_of_joints_by_a_robots_description(capsys, tmp_path):
     t = np.linspace(0.0, 1.0, 501)
     rows = np.column_stack([t, 0.4 * quintic(t)[0]])

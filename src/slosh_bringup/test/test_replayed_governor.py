@@ -161,7 +161,7 @@ def test_its_steps_come_out_again_bit_for_bit(tmp_path, ahead):
     assert check_result(result, Expectation(tolerance=0.0)).failures == ()
 
 
-@pytest.mark.skipif(not available(), reason="Pinocchio is not installed")
+@pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)")
 def test_steps_with_a_robot_come_out_again_bit_for_bit(tmp_path):
     bag = CarriedBag()
     _, found = replayed(bag, tmp_path)

@@ -112,7 +112,9 @@ class TestFrames:
         assert "across" not in found["container"]
         assert found["container"]["plan"] == []
 
-    @pytest.mark.skipif(not finite_elements.available(), reason="scikit-fem is not installed")
+    @pytest.mark.skipif(
+        not finite_elements.available(), reason="no scikit-fem (requirements/modes.txt)"
+    )
     def test_a_container_that_looks_another_from_its_end_is_drawn_from_there_too(self):
         state = WatchState()
         state.take_container(LyingCylinder(radius=0.05, length=0.2, fill_height=0.04))

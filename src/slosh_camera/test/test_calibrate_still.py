@@ -20,6 +20,7 @@ from slosh_camera.optics.pose import Pose
 
 SHARED = Path(os.environ.get("SLOSH_SHARED_DATA", Path(__file__).parents[4] / "shared" / "data"))
 RENDERED = SHARED / "rendered"
+NO_SEQUENCES = f"no rendered sequences in {RENDERED}: name their folder in SLOSH_SHARED_DATA"
 
 
 def height_errors(truth, found, wall):
@@ -48,7 +49,7 @@ def rendered(name):
 
 
 @pytest.mark.long
-@pytest.mark.skipif(not RENDERED.is_dir(), reason=f"no rendered sequences in {RENDERED}")
+@pytest.mark.skipif(not RENDERED.is_dir(), reason=NO_SEQUENCES)
 @pytest.mark.parametrize(
     "name",
     [

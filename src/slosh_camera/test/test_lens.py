@@ -158,6 +158,7 @@ SEQUENCES = (
     Path(os.environ.get("SLOSH_SHARED_DATA", Path(__file__).parents[4] / "shared" / "data"))
     / "rendered"
 )
+NO_SEQUENCES = f"no rendered sequences in {SEQUENCES}: name their folder in SLOSH_SHARED_DATA"
 CAMERA = PinholeCamera(640, 480, 1000.0, 1000.0, 319.5, 239.5)
 FRONT = {-100.0, -60.0, -20.0, -8.0}
 REAR = {20.0, 90.0, 140.0, 175.0}
@@ -224,7 +225,7 @@ def test_a_projected_point_is_found_where_it_was(
     assert found_height[0] == pytest.approx(height, abs=1e-8)
 
 
-@pytest.mark.skipif(not SEQUENCES.is_dir(), reason=f"no rendered sequences in {SEQUENCES}")
+@pytest.mark.skipif(not SEQUENCES.is_dir(), reason=NO_SEQUENCES)
 @pytest.mark.parametrize("name", ["A_planar", "A_rotating", "B_rotating", "D_rotating"])
 def test_peaks_are_projected_where_the_ray_tracer_shows_them(name):
     truth = json.loads((SEQUENCES / name / "truth.json").read_text())

@@ -15,7 +15,11 @@ from slosh_camera.optics.cup import Cup, Wall
 SHARED = Path(os.environ.get("SLOSH_SHARED_DATA", Path(__file__).parents[4] / "shared" / "data"))
 FOLDER = SHARED / "photographs"
 RADIUS, FIELD_OF_VIEW = 0.0185, math.radians(35.0)
-pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason="the shared photographs are absent")
+if not FOLDER.is_dir():
+    pytest.skip(
+        f"no photographs in {FOLDER}: name their folder in SLOSH_SHARED_DATA",
+        allow_module_level=True,
+    )
 LEVELS = {
     "01": (0.186, 1020.6), "02": (0.167, 1343.6), "05": (0.135, 1297.8), "08": (0.082, 1493.9),
     "11": (0.035, 1617.0), "13": (0.149, 1034.6), "14": (0.186, 1062.0), "15": (0.223, 776.7),

@@ -22,9 +22,11 @@ SEQUENCES = SHARED / "rendered"
 NAMES = ("A_planar", "A_rotating", "B_rotating", "D_rotating")
 MM = 1e-3
 
-pytestmark = pytest.mark.skipif(
-    not SEQUENCES.is_dir(), reason=f"no rendered sequences in {SEQUENCES}"
-)
+if not SEQUENCES.is_dir():
+    pytest.skip(
+        f"no rendered sequences in {SEQUENCES}: name their folder in SLOSH_SHARED_DATA",
+        allow_module_level=True,
+    )
 
 # How a sequence is measured: learning from the still image or not, in grey or in colour.
 WAYS = [

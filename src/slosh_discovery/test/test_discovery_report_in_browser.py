@@ -4,7 +4,6 @@ import json
 import re
 from dataclasses import replace
 
-import headless_browser
 import pytest
 from headless_browser import View
 
@@ -20,12 +19,7 @@ from slosh_testing.example_finding import example_finding, example_report
 from slosh_testing.hostile import evil
 from slosh_testing.pages import A4, LOOK, EveryPage, check_numbers, grey_png, on_paper
 
-pytestmark = [
-    pytest.mark.long,
-    pytest.mark.skipif(
-        headless_browser.find_browser() is None, reason="no Chromium or Chrome on this machine"
-    ),
-]
+pytestmark = pytest.mark.long
 
 ALSO = """
 return {...(() => { %s })(),
@@ -85,7 +79,7 @@ def pages(reports):
 
 
 @pytest.fixture(scope="module")
-def seen(pages):
+def seen(headless, pages):
     """Returns what the browser shows of the page in all views."""
     views = {
         **{name: View(page) for name, page in pages.items()},
@@ -95,7 +89,7 @@ def seen(pages):
         "paper": View(on_paper(pages["ambiguous"]), width=A4, dark=True),
         "hostile": View(render_discovery(hostile_report()), width=390),
     }
-    look = headless_browser.look(list(views.values()), SCRIPT)
+    look = headless.look(list(views.values()), SCRIPT)
     found = dict(zip(views, look.values, strict=True))
     return {**found, "desktop": found["named"], "console": look.console}
 
@@ -145,9 +139,9 @@ def test_every_number_is_that_of_the_document(seen, reports, verdict):
     assert set(seen[verdict]["bare"]) <= {"–"}
 
 
-def test_it_prints_on_several_sheets(pages, tmp_path):
+def test_it_prints_on_several_sheets(headless, pages, tmp_path):
     target = tmp_path / "page.pdf"
-    headless_browser.print_pdf(pages["ambiguous"], target)
+    headless.print_pdf(pages["ambiguous"], target)
     content = target.read_bytes()
     assert 3 <= len(re.findall(rb"/Type\s*/Page\b", content)) <= 9
 

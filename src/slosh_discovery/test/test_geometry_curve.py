@@ -11,7 +11,7 @@ from slosh_model.shapes import Flask, Frustum
 from slosh_model.shapes.round_cups import RoundCup
 
 pytestmark = pytest.mark.skipif(
-    not finite_elements.available(), reason="scikit-fem is not installed"
+    not finite_elements.available(), reason="no scikit-fem (requirements/modes.txt)"
 )
 CUP = Frustum(bottom_radius=0.028, top_radius=0.04, height=0.09, fill_height=0.06)
 NARROW = Flask(

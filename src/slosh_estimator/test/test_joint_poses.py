@@ -23,7 +23,7 @@ from slosh_testing.rail_robot import (
     swung,
 )
 
-pytestmark = pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
+pytestmark = pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)")
 MS = 1_000_000
 BEGIN = 1_700_000_000_000_000_000
 ANGLE = st.floats(-1.9, 1.9)

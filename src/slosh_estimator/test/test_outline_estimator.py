@@ -12,7 +12,7 @@ from slosh_model.potential_flow import finite_elements
 from slosh_model.shapes import Prism
 
 pytestmark = pytest.mark.skipif(
-    not finite_elements.available(), reason="scikit-fem is not installed"
+    not finite_elements.available(), reason="no scikit-fem (requirements/modes.txt)"
 )
 OUTLINES = {
     "scalene": ((0.0, 0.0), (0.1, 0.0), (0.04, 0.07)),

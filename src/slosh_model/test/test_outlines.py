@@ -31,7 +31,7 @@ from slosh_model.standing import Standing
 from slosh_model.standing_use import StandingMasses, standing_use
 
 pytestmark = pytest.mark.skipif(
-    not finite_elements.available(), reason="scikit-fem is not installed"
+    not finite_elements.available(), reason="no scikit-fem (requirements/modes.txt)"
 )
 SIDE = 0.1
 HALF_EQUILATERAL = ((0.0, 0.0), (SIDE / 2, 0.0), (0.0, SIDE * math.sqrt(0.75)))

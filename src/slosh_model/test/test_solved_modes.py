@@ -36,7 +36,7 @@ from slosh_model.shapes.solved import SolvedContainer, solved_modes
 from slosh_testing.surface import rectangle_surface, surface_height
 
 pytestmark = pytest.mark.skipif(
-    not finite_elements.available(), reason="scikit-fem is not installed"
+    not finite_elements.available(), reason="no scikit-fem (requirements/modes.txt)"
 )
 R = 0.05
 CUP = Frustum(bottom_radius=0.028, top_radius=0.04, height=0.09, fill_height=0.06)

@@ -17,7 +17,7 @@ from slosh_model.potential_flow.mesh import divided, triangulated
 from slosh_model.shapes import LyingCylinder, Rectangle, Trough, Wedge
 
 pytestmark = pytest.mark.skipif(
-    not finite_elements.available(), reason="scikit-fem is not installed"
+    not finite_elements.available(), reason="no scikit-fem (requirements/modes.txt)"
 )
 X, Y = 0, 1
 GUTTER = Trough(

@@ -18,7 +18,7 @@ from slosh_plan.joints import Arm
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.robot_file import CarryingRobot
 
-pytestmark = pytest.mark.skipif(not available(), reason="Pinocchio is not installed")
+pytestmark = pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)")
 URDF = (Path(__file__).resolve().parents[3] / "examples" / "robot.urdf").read_text()
 REDUNDANT = URDF.replace(
     '<link name="world"/>', '<link name="floor"/><link name="world"/>'

@@ -12,7 +12,9 @@ from slosh_plan.planning.interval import LIMITS, StateLayout
 from slosh_plan.planning.loose_terms import LooseTerms
 from slosh_plan.planning.path import path_through
 
-pytestmark = pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
+pytestmark = pytest.mark.skipif(
+    not optimise.available(), reason="no CasADi (requirements/plan.txt)"
+)
 
 CUP = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
 STANDING = Standing(mass=0.15, centre_height=0.05, base_radius=0.03, friction=0.2)

@@ -29,7 +29,7 @@ from slosh_plan.planning.joint_limits import limits_of
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.robot_file import CarryingRobot
 
-pytestmark = pytest.mark.skipif(not available(), reason="Pinocchio is not installed")
+pytestmark = pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)")
 URDF = (Path(__file__).resolve().parents[3] / "examples" / "robot.urdf").read_text()
 PERIOD = 0.01
 LIMITS = PlanLimits(0.012, acceleration=6.0, jerk=74.0)

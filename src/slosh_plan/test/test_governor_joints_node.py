@@ -25,7 +25,7 @@ from slosh_plan.errors import SloshPlanError
 from slosh_plan.nodes.governor_node import GovernorNode
 from slosh_testing.graph import Graph
 
-pytestmark = pytest.mark.skipif(not available(), reason="Pinocchio is not installed")
+pytestmark = pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)")
 URDF = Path(__file__).resolve().parents[3] / "examples" / "robot.urdf"
 NAMES = ["wrist", "rail", "shoulder", "elbow", "jaw"]
 START = [0.0, 0.1, 0.3, -0.4, 0.0]

@@ -18,7 +18,7 @@ from slosh_plan.planning.waypoints import JointWaypoints
 from slosh_plan.tables.joint_table import read_joint_table, write_joint_table
 from slosh_tables.text_table.options import FOUND_OUT
 
-pytestmark = pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
+pytestmark = pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)")
 UPPER, FORE = 0.5, 0.4
 URDF = f"""<robot name="arm">
   <link name="base"/>

@@ -10,7 +10,9 @@ from slosh_estimator.robot import available
 from slosh_plan import SloshPlanError
 from slosh_plan.joints import Arm
 
-needs_pinocchio = pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
+needs_pinocchio = pytest.mark.skipif(
+    not available(), reason="no Pinocchio (requirements/joints.txt)"
+)
 UPPER, FORE, CUP = 0.5, 0.4, 0.1
 URDF = f"""<robot name="two_links">
   <link name="base"/><link name="upper"/><link name="fore"/><link name="cup"/><link name="lamp"/>

@@ -17,7 +17,7 @@ QUICK = (2, 4)
 
 
 @pytest.mark.first(1)
-@pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
+@pytest.mark.skipif(not optimise.available(), reason="no CasADi (requirements/plan.txt)")
 @pytest.mark.parametrize(
     "seed",
     [

@@ -25,7 +25,9 @@ CUP = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
 TANK = Model(Rectangle(0.08, 0.06, 0.07)).spatial().nonlinear()
 LIMITS = PlanLimits(0.015, 0.002, 9.5, 74.0)
 LINE = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0]])
-needs_casadi = pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
+needs_casadi = pytest.mark.skipif(
+    not optimise.available(), reason="no CasADi (requirements/plan.txt)"
+)
 
 
 @pytest.fixture(scope="module")

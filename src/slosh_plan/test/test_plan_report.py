@@ -2,7 +2,6 @@ import json
 import re
 from dataclasses import replace
 
-import headless_browser
 import numpy as np
 import pytest
 from headless_browser import View
@@ -109,9 +108,7 @@ def test_every_number_is_that_of_the_document(report):
 
 
 @pytest.fixture(scope="module")
-def seen(report):
-    if headless_browser.find_browser() is None:
-        pytest.skip("no Chromium or Chrome on this machine")
+def seen(headless, report):
     page = render_plan(report)
     views = {
         "screen": View(page),
@@ -119,7 +116,7 @@ def seen(report):
         "phone": View(page, width=390),
         "hostile": View(render_plan(replace(report, subtitle=EVIL, notes=(EVIL,))), width=390),
     }
-    look = headless_browser.look(list(views.values()), LOOK)
+    look = headless.look(list(views.values()), LOOK)
     return {**dict(zip(views, look.values, strict=True)), "console": look.console}
 
 

@@ -13,7 +13,9 @@ from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import plan
 
-pytestmark = pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
+pytestmark = pytest.mark.skipif(
+    not optimise.available(), reason="no CasADi (requirements/plan.txt)"
+)
 
 CUP = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
 TANK = Model(Rectangle(0.08, 0.06, 0.07)).spatial().nonlinear()

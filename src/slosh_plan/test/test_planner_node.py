@@ -54,8 +54,12 @@ URDF = """<robot name="two_links">
   <joint name="grip" type="fixed"><parent link="fore"/><child link="cup"/>
     <origin xyz="0.4 0 0.1"/></joint>
 </robot>"""
-needs_pinocchio = pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
-needs_casadi = pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
+needs_pinocchio = pytest.mark.skipif(
+    not available(), reason="no Pinocchio (requirements/joints.txt)"
+)
+needs_casadi = pytest.mark.skipif(
+    not optimise.available(), reason="no CasADi (requirements/plan.txt)"
+)
 
 
 class Cell(Graph):

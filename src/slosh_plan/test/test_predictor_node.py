@@ -389,7 +389,7 @@ def joint_points() -> list[JointTrajectoryPoint]:
     return made
 
 
-@pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
+@pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)")
 def test_a_motion_of_joints_is_that_of_the_cup_that_they_carry(cell: Cell, tmp_path: Path) -> None:
     (tmp_path / "slide.urdf").write_text(URDF)
     arm = read_arm(tmp_path / "slide.urdf", "cup")

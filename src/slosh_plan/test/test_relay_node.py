@@ -31,7 +31,7 @@ from slosh_testing.graph import Graph
 
 Follow = pytest.importorskip("control_msgs.action").FollowJointTrajectory
 pytestmark = [
-    pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed"),
+    pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)"),
     pytest.mark.timeout(120),
 ]
 TEXT = """
@@ -202,7 +202,7 @@ def test_a_slow_motion_passes_as_it_is(cell: Cell, files: dict[str, Any]) -> Non
     assert peak(given, files) < LIMIT
 
 
-@pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
+@pytest.mark.skipif(not optimise.available(), reason="no CasADi (requirements/plan.txt)")
 def test_a_fast_motion_gets_new_times_on_its_own_path(cell: Cell, files: dict[str, Any]) -> None:
     given = swing(0.9)
     assert peak(given, files) > 2.0 * LIMIT

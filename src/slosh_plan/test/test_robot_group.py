@@ -87,7 +87,9 @@ def test_what_is_no_srdf_is_named(srdf: Path, text: str) -> None:
         read_group(srdf, "chain", URDF)
 
 
-needs_pinocchio = pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
+needs_pinocchio = pytest.mark.skipif(
+    not available(), reason="no Pinocchio (requirements/joints.txt)"
+)
 
 
 def moving(names: tuple[str, ...], *still: str) -> JointWaypoints:

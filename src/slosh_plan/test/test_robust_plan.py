@@ -80,7 +80,7 @@ def highest(models, motion):
     return max(msh.max() for msh in heights), max(msh[end:].max() for msh in heights)
 
 
-@pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
+@pytest.mark.skipif(not optimise.available(), reason="no CasADi (requirements/plan.txt)")
 def test_it_keeps_the_limits_for_parameters_that_it_has_not_seen(doubtful):
     model = doubtful()
     unseen = likely_models(model, count=300, seed=2).models
@@ -97,7 +97,7 @@ def test_it_keeps_the_limits_for_parameters_that_it_has_not_seen(doubtful):
     )
 
 
-@pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
+@pytest.mark.skipif(not optimise.available(), reason="no CasADi (requirements/plan.txt)")
 def test_the_planners_service_plans_robustly_for_one_container(doubtful):
     model, watch = doubtful(), Watch()
     tray = Tray((TrayContainer("", model),))
@@ -108,7 +108,7 @@ def test_the_planners_service_plans_robustly_for_one_container(doubtful):
     assert answer.found.motion.duration > usual.found.motion.duration
 
 
-@pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
+@pytest.mark.skipif(not optimise.available(), reason="no CasADi (requirements/plan.txt)")
 @pytest.mark.parametrize("radius", [RADIUS, pytest.param(0.03, marks=pytest.mark.long)])
 def test_a_tray_is_planned_robustly_for_all_its_containers(doubtful, radius):
     model = doubtful()
@@ -133,7 +133,7 @@ def test_a_robust_plan_of_a_tray_needs_every_covariance(doubtful, cup):
     ("solver", "errors"),
     [(False, (0.05, 0.3)), pytest.param(True, (0.02, 0.2), marks=[
         pytest.mark.long,
-        pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed"),
+        pytest.mark.skipif(not optimise.available(), reason="no CasADi (requirements/plan.txt)"),
     ])],
     ids=["known law", "optimal"],
 )  # fmt: skip

@@ -12,10 +12,9 @@ from slosh_plc.mqtt import MqttPublisher
 from slosh_plc.server import ServerThread
 from slosh_plc.tuning import TUNING
 from slosh_testing.live_processes import until
-from slosh_testing.plc import WHY, Broker, ServedCell, find_mosquitto, free_port, good_state
+from slosh_testing.plc import ServedCell, free_port, good_state
 
 aiomqtt = pytest.importorskip("aiomqtt", reason="aiomqtt is not installed (requirements/plc.txt)")
-needs_broker = pytest.mark.skipif(find_mosquitto() is None, reason=WHY)
 CELL = "line_1"
 
 
@@ -51,11 +50,10 @@ def publisher(port, cell=CELL, **given):
     return MqttPublisher(MqttSettings(cell, "127.0.0.1", port, **given))
 
 
-@needs_broker
-def test_a_late_reader_finds_the_state_with_units_and_qualities(tmp_path):
+def test_a_late_reader_finds_the_state_with_units_and_qualities(new_broker, tmp_path):
     cell = ServedCell()
     cell.state = good_state(estimated_height=0.0125, state=1, calm=False)
-    with Broker(tmp_path, free_port()) as broker, cell.serve(publisher(broker.port)):
+    with new_broker(tmp_path, free_port()) as broker, cell.serve(publisher(broker.port)):
         hear(broker, is_good)
         told, retained = hear(broker, is_good)  # from the second time on it is kept
     assert told["cell"] == CELL
@@ -67,9 +65,8 @@ def test_a_late_reader_finds_the_state_with_units_and_qualities(tmp_path):
     assert retained
 
 
-@needs_broker
-def test_a_server_that_ends_leaves_a_lost_cell(tmp_path):
-    with Broker(tmp_path, free_port()) as broker:
+def test_a_server_that_ends_leaves_a_lost_cell(new_broker, tmp_path):
+    with new_broker(tmp_path, free_port()) as broker:
         with ServedCell().serve(publisher(broker.port)):
             hear(broker, is_good)
         told, retained = hear(broker, lambda _: True)
@@ -79,22 +76,20 @@ def test_a_server_that_ends_leaves_a_lost_cell(tmp_path):
     assert told["values"]["estimated_height"]["value"] is None
 
 
-@needs_broker
-def test_a_lost_cell_is_published_while_the_server_works(tmp_path):
+def test_a_lost_cell_is_published_while_the_server_works(new_broker, tmp_path):
     cell = ServedCell()
-    with Broker(tmp_path, free_port()) as broker, cell.serve(publisher(broker.port)):
+    with new_broker(tmp_path, free_port()) as broker, cell.serve(publisher(broker.port)):
         hear(broker, is_good)
         cell.lose()
         told, _ = hear(broker, is_lost)
     assert told["values"]["blind"] == {"value": True, "quality": "bad"}
 
 
-@needs_broker
-def test_two_cells_share_a_broker(tmp_path):
+def test_two_cells_share_a_broker(new_broker, tmp_path):
     one, other = ServedCell(), ServedCell()
     other.lose()
     with (
-        Broker(tmp_path, free_port()) as broker,
+        new_broker(tmp_path, free_port()) as broker,
         one.serve(publisher(broker.port)),
         other.serve(publisher(broker.port, "line_2/b")),
     ):
@@ -102,8 +97,7 @@ def test_two_cells_share_a_broker(tmp_path):
         assert hear(broker, is_lost, "line_2/b")[0]["cell"] == "line_2/b"
 
 
-@needs_broker
-def test_a_broker_that_is_absent_or_goes_is_told_and_found_again(tmp_path):
+def test_a_broker_that_is_absent_or_goes_is_told_and_found_again(new_broker, tmp_path):
     port = free_port()
     with ServedCell().serve(publisher(port)) as thread:
 
@@ -113,7 +107,7 @@ def test_a_broker_that_is_absent_or_goes_is_told_and_found_again(tmp_path):
         until(lambda: "refused" in health().sentence.lower(), "the refusal")
         assert not health().is_good
         assert f"127.0.0.1:{port} is not connected" in health().sentence
-        broker = Broker(tmp_path, port)
+        broker = new_broker(tmp_path, port)
         for _ in range(2):
             with broker:
                 until(lambda: health().is_good, "the connection")
@@ -122,11 +116,10 @@ def test_a_broker_that_is_absent_or_goes_is_told_and_found_again(tmp_path):
         assert not thread.failure
 
 
-@needs_broker
-def test_a_wrong_password_is_told(tmp_path):
+def test_a_wrong_password_is_told(new_broker, tmp_path):
     lines = ("allow_anonymous false",)
     with (
-        Broker(tmp_path, free_port(), *lines) as broker,
+        new_broker(tmp_path, free_port(), *lines) as broker,
         ServedCell().serve(publisher(broker.port, user="plc", password="wrong")) as thread,
     ):
         until(lambda: "uthori" in thread.health()[0].sentence, "the refusal")

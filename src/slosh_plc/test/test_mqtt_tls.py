@@ -4,7 +4,6 @@ import asyncio
 import dataclasses
 import ipaddress
 import json
-import shutil
 import ssl
 import subprocess
 import sys
@@ -17,7 +16,7 @@ from slosh_plc.errors import SloshPlcError
 from slosh_plc.mqtt import MqttPublisher
 from slosh_plc.tuning import TUNING
 from slosh_testing.live_processes import until
-from slosh_testing.plc import WHY, Broker, ServedCell, find_mosquitto, free_port
+from slosh_testing.plc import ServedCell, free_port
 
 aiomqtt = pytest.importorskip("aiomqtt", reason="aiomqtt is not installed (requirements/plc.txt)")
 x509 = pytest.importorskip("cryptography.x509", reason="not installed (requirements/plc.txt)")
@@ -25,7 +24,6 @@ hashes = pytest.importorskip("cryptography.hazmat.primitives.hashes")
 form = pytest.importorskip("cryptography.hazmat.primitives.serialization")
 ec = pytest.importorskip("cryptography.hazmat.primitives.asymmetric.ec")
 
-pytestmark = pytest.mark.skipif(find_mosquitto() is None, reason=WHY)
 PASSWORD = "open sesame"
 HOST = "127.0.0.1"
 
@@ -69,7 +67,8 @@ class Authority:
 class Plant:
     """An authority, a broker's configuration and the publisher's parameters."""
 
-    def __init__(self, folder):
+    def __init__(self, new_broker, folder):
+        self._new_broker = new_broker
         self.folder, self.port = folder, free_port()
         self.authority = Authority(folder, "authority")
         self.own = self.authority.issue("publisher")
@@ -86,7 +85,7 @@ class Plant:
             "require_certificate true", "allow_anonymous false",
             f"password_file {self.folder / 'users'}",
         )  # fmt: skip
-        return Broker(self.folder, self.port, *lines)
+        return self._new_broker(self.folder, self.port, *lines)
 
     def parameters(self, **given):
         """Arguments of read_settings."""
@@ -118,11 +117,9 @@ class Plant:
 
 
 @pytest.fixture
-def plant(tmp_path, monkeypatch):
+def plant(new_broker, tmp_path, monkeypatch):
     monkeypatch.setattr("slosh_plc.broker_client.TUNING", dataclasses.replace(TUNING, retry=0.2))
-    if shutil.which("mosquitto_passwd") is None:
-        pytest.skip(WHY)
-    return Plant(tmp_path)
+    return Plant(new_broker, tmp_path)
 
 
 def is_good(told):

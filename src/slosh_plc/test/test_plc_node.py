@@ -21,7 +21,7 @@ from slosh_plc.errors import SloshPlcError
 from slosh_plc.modbus import registers
 from slosh_plc.nodes.plc_node import PlcNode
 from slosh_testing.graph import Graph
-from slosh_testing.plc import WHY, Broker, find_mosquitto, free_port
+from slosh_testing.plc import free_port
 
 pytest.importorskip("pymodbus", reason="pymodbus is not installed (requirements/plc.txt)")
 aiomqtt = pytest.importorskip("aiomqtt", reason="aiomqtt is not installed (requirements/plc.txt)")
@@ -156,9 +156,8 @@ def test_a_second_cell_on_the_same_port_ends_with_one_line():
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.skipif(find_mosquitto() is None, reason=WHY)
-def test_a_killed_node_leaves_a_lost_cell_at_the_broker(graph, tmp_path):
-    with Broker(tmp_path, free_port()) as broker:
+def test_a_killed_node_leaves_a_lost_cell_at_the_broker(new_broker, graph, tmp_path):
+    with new_broker(tmp_path, free_port()) as broker:
         given = {"opc_ua_port": "0", "mqtt_broker": f"127.0.0.1:{broker.port}"}
         words = NodeProcess("plc", parameters=given).command(CELL)
         with subprocess.Popen(words, env=node_environment()) as process:

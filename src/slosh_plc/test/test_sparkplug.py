@@ -16,11 +16,10 @@ from slosh_plc.errors import SloshPlcError
 from slosh_plc.sparkplug import SparkplugNode, values_of
 from slosh_plc.tuning import TUNING
 from slosh_testing.live_processes import until
-from slosh_testing.plc import WHY, Broker, ServedCell, find_mosquitto, free_port, good_state
+from slosh_testing.plc import ServedCell, free_port, good_state
 
 aiomqtt = pytest.importorskip("aiomqtt", reason="aiomqtt is not installed (requirements/plc.txt)")
 pytest.importorskip("google.protobuf", reason="not installed (requirements/plc.txt)")
-needs_broker = pytest.mark.skipif(find_mosquitto() is None, reason=WHY)
 TOPIC = "spBv1.0/plant/{}/line_1"
 GOOD, BAD, STALE = 192, 0, 500
 
@@ -84,8 +83,8 @@ def impatient(monkeypatch):
 
 
 @pytest.fixture
-def broker(tmp_path):
-    with Broker(tmp_path, free_port()) as made:
+def broker(new_broker, tmp_path):
+    with new_broker(tmp_path, free_port()) as made:
         yield made
 
 
@@ -124,7 +123,6 @@ REBIRTH = bytes.fromhex("1218") + b"\x0a\x14Node Control/Rebirth\x70\x01"
 """A command as a program packs it: a metric (field 2) with a name (1) and a true value (14)."""
 
 
-@needs_broker
 def test_birth_tells_all_values_and_data_only_the_changed_ones(broker):
     cell = ServedCell()
     cell.state = good_state(estimated_height=0.0125, state=1, measured_height=math.nan)
@@ -164,7 +162,6 @@ def test_birth_tells_all_values_and_data_only_the_changed_ones(broker):
     assert "name" not in metrics[0]
 
 
-@needs_broker
 def test_a_lost_cell_is_stale_and_a_rebirth_command_is_obeyed(broker):
     cell = ServedCell()
     births = []
@@ -226,7 +223,6 @@ with ServedCell().serve(SparkplugNode(settings, "plant", 254)):
 """
 
 
-@needs_broker
 def test_the_broker_sends_the_death_of_a_killed_node_with_its_session(broker):
     words = [sys.executable, "-c", SERVE, str(broker.port)]
     running = []
@@ -246,10 +242,9 @@ def test_the_broker_sends_the_death_of_a_killed_node_with_its_session(broker):
     assert by_name(heard[0][3])["bdSeq"]["value"] == 255
 
 
-@needs_broker
-def test_each_connection_is_a_new_session_and_a_good_bye_tells_the_death(tmp_path):
+def test_each_connection_is_a_new_session_and_a_good_bye_tells_the_death(new_broker, tmp_path):
     port = free_port()
-    broker = Broker(tmp_path, port)
+    broker = new_broker(tmp_path, port)
     sessions = []
     node = edge(broker, session=254)
     stopping = ServedCell().serve(node)

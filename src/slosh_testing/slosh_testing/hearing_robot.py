@@ -6,8 +6,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 
 from slosh_base.files.nanoseconds import SECOND
+from slosh_bringup.ready_wait import TELLING
 from slosh_msgs.msg import SloshEstimate
 from slosh_msgs_py import qos, topics
+from slosh_msgs_py.node.readiness import READY, RECORDED, STATE
 from slosh_msgs_py.stamps import to_nanoseconds
 from slosh_testing.graph import Graph
 
@@ -40,6 +42,25 @@ class HearingRobot(Graph):
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}
             self.health[status.name.rpartition("/")[2]] = status.message, values
+
+    def fact(self, node: str, key: str) -> str:
+        """Returns a fact of a node's last diagnostics; empty: it is not told."""
+        return self.health.get(node, ("", {}))[1].get(key, "")
+
+    def await_ready(self, *nodes: str) -> None:
+        """Waits until nodes are ready and the recorder, if it is one, has the others' settings.
+
+        The middleware may bring settings to a late reader only after three seconds, or a multiple
+        of it. A recording that ends before cannot be replayed.
+        """
+        for node in nodes:
+            self.until(lambda node=node: self.fact(node, STATE) == READY, node)
+        if "recorder" in nodes:
+            told = {node for node in nodes if node in TELLING}
+            self.until(
+                lambda: told <= set(self.fact("recorder", RECORDED).split(", ")),
+                f"the recorder's settings of {', '.join(sorted(told))}",
+            )
 
     @property
     def newest_ns(self) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import socket
 import subprocess
@@ -15,14 +16,18 @@ from slosh_plc.broker_client import lost_state
 from slosh_plc.cell_state import SIGNALS, CellState, Quality, Reading
 from slosh_plc.server import Server, ServerThread
 
-PLACES = ("mosquitto", "/usr/sbin/mosquitto")
 WHY = "Mosquitto is not installed (apt install mosquitto)"
 PATIENCE = 30.0
 
 
 def find_mosquitto() -> str | None:
-    """Returns the path of the broker's program, or None if it is not installed."""
-    return next(filter(None, map(shutil.which, PLACES)), None)
+    """Returns the path of the broker's program, or None if it is not installed.
+
+    A user's PATH has the folders `bin`, and often not the folders `sbin` beside them.
+    """
+    folders = os.environ.get("PATH", os.defpath).split(os.pathsep)
+    beside = [str(Path(folder).parent / "sbin") for folder in folders if folder]
+    return shutil.which("mosquitto", path=os.pathsep.join([*folders, *beside]))
 
 
 def free_port() -> int:

@@ -20,6 +20,7 @@ from sensor_msgs.msg import CompressedImage, Image, Imu
 from slosh_bringup.processes import NodeGroup, NodeProcess, config_folder, node_environment
 from slosh_msgs.msg import FreeSurface, SloshComparison, SloshEstimate
 from slosh_msgs_py import qos, topics
+from slosh_msgs_py.node.readiness import RECORDED
 from slosh_msgs_py.stamps import to_time
 
 PATIENCE = 40.0
@@ -40,6 +41,7 @@ class RobotNode:
         node: by which it does so.
         estimates, comparisons: what has come.
         health: level and sentence of each node's last report.
+        recorded: nodes whose settings the recorder has; without them its bag cannot be replayed.
         push: acceleration at a moment [s] along x [m/s²].
         surface: what the camera says; None: it says nothing.
         picture: what the camera shows, where a camera node looks at it.
@@ -67,6 +69,7 @@ class RobotNode:
         self.estimates: list[SloshEstimate] = []
         self.comparisons: list[SloshComparison] = []
         self.health: dict[str, tuple[int, str]] = {}
+        self.recorded: set[str] = set()
         types = {topics.ACCEL: AccelStamped, topics.IMU: Imu, topics.POSE: PoseStamped}
         self.inputs = {
             topic: self.node.create_publisher(kind, topic, qos.STREAM_OUT)
@@ -168,6 +171,8 @@ class RobotNode:
             namespace, _, name = status.name.rpartition("/")
             if namespace == self.node.get_namespace():
                 self.health[name] = (ord(status.level), status.message)
+                told = [pair.value for pair in status.values if pair.key == RECORDED]
+                self.recorded |= {node for text in told for node in text.split(", ")}
 
     def _speak(self) -> None:
         now = time.monotonic()
