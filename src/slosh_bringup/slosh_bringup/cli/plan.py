@@ -149,6 +149,9 @@ def run(arguments: argparse.Namespace) -> int:
     limits = plan_limits(arguments, tray.first.model)
     tell = Teller("plan")
     asked = asked_path(arguments, tray.turning.model, tell)
+    limits = limits.with_shares(
+        asked.shares, arguments.velocity_scaling, arguments.acceleration_scaling
+    )
     attitude = asked.waypoints.attitude
     try:
         planned = plan_container(
@@ -188,8 +191,6 @@ def plan_limits(arguments: argparse.Namespace, model: Model) -> PlanLimits:
         tilt,
         rate,
         acceleration,
-        joint_velocity=arguments.velocity_scaling,
-        joint_acceleration=arguments.acceleration_scaling,
         rim_distance=distance,
     )
 
