@@ -10,7 +10,7 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_model.errors import SloshModelError
-from slosh_model.gaps import gap_text
+from slosh_model.gaps import gap_text, unresolved
 from slosh_model.model import Model
 from slosh_model.parameters import parameter_value, with_parameters
 from slosh_model.tilt import attitude_of, with_tilt
@@ -122,6 +122,9 @@ class Prediction:
         flags: where the motion leaves what the models were validated for.
         distance_to_rim: vertical, left by the highest place of the surface, by the interval's
             upper end [m]; below 0: it is above the rim; NaN: the rim is not known.
+        growth: by which vertical acceleration makes the smallest wave grow; 1: not visibly.
+        unresolved: share by which the heights may be higher since rows are far apart; the upper
+            ends of the intervals contain it; infinite: the rows do not tell the motion.
     """
 
     name: str
@@ -134,6 +137,8 @@ class Prediction:
     limits: HeightLimits
     flags: MotionFlag
     distance_to_rim: float = math.nan
+    growth: float = 1.0
+    unresolved: float = 0.0
 
     def __repr__(self) -> str:
         answer = self.nonlinear
@@ -255,9 +260,21 @@ def _predicted(
         )
         flags = motion_flags(model, one, high.peak)
         told = _prediction(one, answers, np.sqrt(variances), limits, error, flags)
+        told = _with_rows(told, unresolved(one.spacing, model))
         left = float(wall.place(told.upper).distance_to_rim)
-        found.append(replace(told, distance_to_rim=left))
+        found.append(replace(told, distance_to_rim=left, growth=high.growth))
     return found
+
+
+def _with_rows(told: Prediction, share: float) -> Prediction:
+    """Widens the intervals by what lies between the rows of a motion."""
+    peak, residual = told.nonlinear.peak, told.nonlinear.residual
+    if share == 0.0 or peak == 0.0:
+        return told
+    return replace(
+        told, upper=told.upper + share * peak, unresolved=share,
+        residual_upper=told.residual_upper + (share * residual if residual > 0.0 else 0.0),
+    )  # fmt: skip
 
 
 def check_gaps(model: Model, trajectories: Sequence[Trajectory]) -> None:

@@ -177,7 +177,7 @@ def test_margins_that_leave_nothing(margin):
 
 def test_the_scan_finds_the_fastest_that_is_safe():
     path = path_through(LINE)
-    found = best_scaled(Checker(CUP), path, LIMITS)
+    found = best_scaled(Checker(CUP), LIMITS, known_laws(path))
     assert found is not None
     duration = found.found.motion.duration
     for known in known_laws(path).values():

@@ -33,7 +33,7 @@ from slosh_plan.planning.limits import (
     TILT_RATE,
     PlanLimits,
 )
-from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, tilting
+from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, remarks_of, tilting
 from slosh_plan.planning.plan_tray import plan_container
 from slosh_plan.planning.tolerance import frequency_tolerance
 from slosh_plan.tables.joint_table import write_joint_table
@@ -166,10 +166,11 @@ def run(arguments: argparse.Namespace) -> int:
     write_results(arguments, model, answer, asked)
     felt = tilting(model, limits, answer.path)
     borne = frequency_tolerance(felt, answer.found.motion, answer.limits, attitude)
+    remarks = remarks_of(felt, answer)
     print(
-        json.dumps(facts(planned, borne))
+        json.dumps(facts(planned, borne) | {"remarks": remarks})
         if arguments.json
-        else summary(planned, arguments.output, borne)
+        else summary(planned, arguments.output, borne, remarks)
     )
     return tell.exit_code
 
