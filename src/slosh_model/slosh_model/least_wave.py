@@ -8,6 +8,7 @@ a liquid that is at rest for the eye has a wave.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -94,7 +95,7 @@ def _may_grow(model: Model, motion: Inputs) -> bool:
         return False
     rate = 0.5 * max(mode.natural_frequency for mode in model.mode_constants()) / GRAVITY
     exponent = rate * float((0.5 * (lift[1:] + lift[:-1]) * np.diff(motion.t)).sum())
-    return exponent > np.log(SEEN / LEAST_WAVE)
+    return exponent > math.log(SEEN / LEAST_WAVE)
 
 
 def _vertical(motion: Inputs) -> Inputs:

@@ -259,22 +259,11 @@ def _predicted(
             _answer(nonlinear, high, quiet, horizon),
         )
         flags = motion_flags(model, one, high.peak)
-        told = _prediction(one, answers, np.sqrt(variances), limits, error, flags)
-        told = _with_rows(told, unresolved(one.spacing, model))
+        share = unresolved(one.spacing, model) if high.peak > 0.0 else 0.0
+        told = _prediction(one, answers, np.sqrt(variances), limits, error, flags, share)
         left = float(wall.place(told.upper).distance_to_rim)
-        found.append(replace(told, distance_to_rim=left, growth=high.growth))
+        found.append(replace(told, distance_to_rim=left, growth=high.growth, unresolved=share))
     return found
-
-
-def _with_rows(told: Prediction, share: float) -> Prediction:
-    """Widens the intervals by what lies between the rows of a motion."""
-    peak, residual = told.nonlinear.peak, told.nonlinear.residual
-    if share == 0.0 or peak == 0.0:
-        return told
-    return replace(
-        told, upper=told.upper + share * peak, unresolved=share,
-        residual_upper=told.residual_upper + (share * residual if residual > 0.0 else 0.0),
-    )  # fmt: skip
 
 
 def check_gaps(model: Model, trajectories: Sequence[Trajectory]) -> None:
@@ -395,7 +384,9 @@ def _prediction(
     limits: HeightLimits,
     error: ModelError,
     flags: MotionFlag,
+    share: float,
 ) -> Prediction:
+    """Returns the prediction; heights may be higher by a share for what rows do not tell."""
     linear, nonlinear = answers
     half, after = (
         error.half_width(float(s), height)
@@ -403,5 +394,7 @@ def _prediction(
     )
     return Prediction(
         trajectory.name, trajectory.duration, linear, nonlinear, max(nonlinear.peak - half, 0.0),
-        nonlinear.peak + half, nonlinear.residual + after, limits, flags,
+        nonlinear.peak + half + share * nonlinear.peak,
+        nonlinear.residual + after + (share * nonlinear.residual if nonlinear.residual else 0.0),
+        limits, flags,
     )  # fmt: skip

@@ -91,12 +91,13 @@ class PlanLimits(HeightLimits):
             defaults: shares by 'velocity' and 'acceleration', where none is asked for.
             velocity, acceleration: that are asked for; None: none is.
         """
-        asked = {"velocity": velocity, "acceleration": acceleration}
-        shares = {
-            f"joint_{name}": defaults.get(name, 1.0) if share is None else share
-            for name, share in asked.items()
-        }
-        return replace(self, **shares)
+        return replace(
+            self,
+            joint_velocity=defaults.get("velocity", 1.0) if velocity is None else velocity,
+            joint_acceleration=(
+                defaults.get("acceleration", 1.0) if acceleration is None else acceleration
+            ),
+        )
 
     def lowered(self, margin: float) -> PlanLimits:
         """Returns the limits with the heights during and after the motion lowered by a margin [m].

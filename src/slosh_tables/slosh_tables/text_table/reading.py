@@ -203,9 +203,9 @@ def _scaled(
             named = "" if column.given == column.name else f" from {column.given!r}"
             key = said if not named else f"{named}{said}"
             notes.setdefault(key, []).append(column.name)
-    said = [f"{', '.join(names)}{how if how[:1] == ' ' else f' {how}'}"
+    lines = [f"{', '.join(names)}{how if how[:1] == ' ' else f' {how}'}"
             for how, names in notes.items()]  # fmt: skip
-    return said, told
+    return lines, told
 
 
 def _check_index(path: Path, column: Column, values: Array) -> None:

@@ -126,9 +126,9 @@ def check_step(path: Path, t: Array, unit: str | None, name: str, *, use: float 
     step = float(np.median(np.diff(t)))
     if step < (SLOW if len(t) > SLOW_ROWS else SLOWEST):
         return
-    likely = likely_units(step)
-    units = [one for one in likely if use <= TIME[one]]
-    if likely and not units:
+    usual = likely_units(step)
+    units = [one for one in usual if use <= TIME[one]]
+    if usual and not units:
         return
     likely = " or ".join(f"{one} ({1.0 / (step * TIME[one]):.4g} Hz)" for one in units)
     raise SloshFileError(
