@@ -38,7 +38,8 @@ def read_joint_table(path: Path, arm: Arm, options: TableOptions = FOUND_OUT) ->
     """
 
     def used(table: TextTable) -> float:
-        steps = np.abs(np.diff(table.group(_joints(table)), axis=0))
+        places = np.column_stack([table.column(name) for name in _joints(table)])
+        steps = np.abs(np.diff(places, axis=0))
         times = np.diff(table.column("t"))[:, None]
         most = arm.limits(_joints(table))["velocity"]
         most = np.where(np.isfinite(most), most, FASTEST)
