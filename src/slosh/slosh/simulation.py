@@ -13,6 +13,7 @@ import numpy as np
 from slosh.arguments import as_file, the_model
 from slosh_bringup.simulate.answer import check_possible, doubts
 from slosh_model.gaps import gap_text
+from slosh_model.model import Model
 from slosh_model.response import Response
 from slosh_model.simulate import Inputs
 from slosh_model.simulate import simulate as simulate_inputs
@@ -120,9 +121,11 @@ def predict(
     """
     used, limits = the_model(model), HeightLimits(limit, residual, rim_distance=rim_distance)
     if not isinstance(motions, list | tuple):
-        one = _trajectory(motions, "motions")
+        one = _trajectory(motions, "motions", used)
         return predict_trajectories(used, one, limits=limits)[0]
-    given = [_trajectory(motion, f"motions[{place}]") for place, motion in enumerate(motions)]
+    given = [
+        _trajectory(motion, f"motions[{place}]", used) for place, motion in enumerate(motions)
+    ]
     return predict_trajectories(used, given, limits=limits)
 
 
@@ -174,13 +177,13 @@ def plan(
     return plan_path(used, way, limits, attitude=waypoints.attitude)
 
 
-def _trajectory(motion: MotionLike, argument: str) -> Trajectory:
+def _trajectory(motion: MotionLike, argument: str, model: Model) -> Trajectory:
     if isinstance(motion, Trajectory):
         return motion
     with as_file(motion, argument) as path:
         found = read_trajectory(path)
     name = argument if found.name != str(motion) else found.name
-    _warn(name, trajectory_doubts(found))
+    _warn(name, trajectory_doubts(found, model))
     return replace(found, name=name)
 
 

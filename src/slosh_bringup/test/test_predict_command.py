@@ -234,3 +234,23 @@ def test_a_cup_that_slides_is_named_and_fails(capsys, tmp_path):
 
 
 LIMITS = (("high", 0.05), ("low", 0.002))
+
+
+@pytest.mark.parametrize(("rate", "code"), [(5, 1), (10, 1), (20, 1), (100, 0)])
+def test_predict_and_simulate_read_a_table_alike(capsys, tmp_path, rate, code):
+    t = np.arange(rate + 1) / rate
+    along = 0.1 / 0.25 * quintic(np.clip(t / 0.5, 0.0, 1.0))[2]
+    rows = np.column_stack([t, along, np.zeros((len(t), 2))])
+    table = tmp_path / "stroke.csv"
+    np.savetxt(table, rows, "%.12g", ",", header="t,ax,ay,az", comments="")
+    _, (free,) = answers(capsys, str(table))
+    limit = str(free["peak_nonlinear"] + 1e-4)
+    found, (said,) = answers(capsys, str(table), "--limit", limit)
+    simulated = main(["simulate", MODEL, str(table), "-o", str(tmp_path / "h.csv"), "--json",
+                      "--limit", limit])  # fmt: skip
+    other = json.loads(capsys.readouterr().out)
+    assert found == simulated == code
+    assert other["over_limit"] is bool(code)
+    assert other["peak"] == pytest.approx(said["peak_nonlinear"], rel=1e-9)
+    if rate > 5:
+        assert other["peak_upper"] == pytest.approx(said["peak_upper"], rel=1e-9)

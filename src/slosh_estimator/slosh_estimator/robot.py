@@ -26,8 +26,9 @@ SYSTEM_LIBRARY = "Debian and Ubuntu: `apt install libgomp1`"
 """What Pinocchio's wheel needs of the system; a compiler brings it."""
 LONGEST = 10_000_000
 """Bytes of a description; a robot with its cell has some hundred kilobytes."""
-_XACRO = "<xacro:"
-"""Begins an element of it; expanded files still name its namespace."""
+_XACRO = "xacro:"
+"""Begins the names of its elements; expanded files still name its namespace."""
+_NO_ELEMENTS = re.compile(r"<!--.*?(?:-->|\Z)|<!\[CDATA\[.*?(?:\]\]>|\Z)", re.DOTALL)
 
 
 def available() -> bool:
@@ -195,7 +196,7 @@ def read_urdf(path: str | Path) -> str:
         text = read_text(Path(path), LONGEST)
     except TextFileError as error:
         raise SloshEstimatorError(str(error)) from None
-    if _XACRO not in text and not str(path).endswith(".xacro"):
+    if not (str(path).endswith(".xacro") or f"<{_XACRO}" in _NO_ELEMENTS.sub("", text)):
         return text
     if importlib.util.find_spec("xacro") is None:
         raise SloshEstimatorError(

@@ -206,11 +206,26 @@ def test_xacro_without_its_package(tmp_path, monkeypatch):
         read_urdf(path)
 
 
-def test_an_expanded_description_that_names_xacro_is_read_as_it_is(tmp_path):
+@pytest.mark.parametrize(
+    "text",
+    [
+        '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="cup"/></robot>',
+        '<robot name="r"><!-- <xacro:hand/>\n<xacro:arm/> --><link name="cup"/></robot>',
+        '<robot name="r"><link name="cup"/><note><![CDATA[<xacro:hand/>]]></note></robot>',
+    ],
+)
+def test_a_finished_description_that_names_xacro_is_read_as_it_is(tmp_path, text):
     path = tmp_path / "robot.urdf"
-    text = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="cup"/></robot>'
     path.write_text(text)
     assert read_urdf(path) == text
+
+
+def test_an_element_of_xacro_beside_a_comment_is_xacro(tmp_path, monkeypatch):
+    path = tmp_path / "robot.urdf"
+    path.write_text('<robot name="r"><!-- <xacro:a/> --><xacro:hand side="left"/></robot>')
+    monkeypatch.setitem(sys.modules, "xacro", None)
+    with pytest.raises(SloshEstimatorError, match="is xacro"):
+        read_urdf(path)
 
 
 def test_without_pinocchio_one_line_says_how_to_get_it(monkeypatch):

@@ -14,7 +14,7 @@ from slosh_model.effects.registry import READING_MEMORY_COUNT
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.response import Response
-from slosh_model.simulate import Inputs, effect_parameters, simulate
+from slosh_model.simulate import Inputs, State, effect_parameters, simulate
 
 Elapsed = TypeVar("Elapsed", float, Array)
 
@@ -133,7 +133,11 @@ def reading_clock(model: Model) -> ReadingClock:
 
 
 def predicted_heights(
-    model: Model, inputs: Inputs, times: ArrayLike, azimuths: ArrayLike | None = None
+    model: Model,
+    inputs: Inputs,
+    times: ArrayLike,
+    azimuths: ArrayLike | None = None,
+    state: State | None = None,
 ) -> Array:
     """Predicts the heights that a sensor measures at given times, with all modelled effects.
 
@@ -147,10 +151,11 @@ def predicted_heights(
 
     Args:
         model: the model.
-        inputs: the container's motion, from rest.
+        inputs: the container's motion.
         times: (M,) on the inputs' clock, not decreasing [s]. Before the motion the liquid rests;
             after it the last acceleration stays.
         azimuths: (K,) from the container's +x [rad]; None: the maximum over the wall.
+        state: of the liquid when the motion begins; None: at rest.
 
     Returns:
         (M, K), or (M, 1) of the maximum [m].
@@ -164,7 +169,7 @@ def predicted_heights(
         raise SloshModelError("times must be a row of finite numbers that do not decrease")
     moments = np.maximum(moments, inputs.t[0])
     merged = with_moments(inputs, moments)
-    response, _ = simulate(model, merged)
+    response, _ = simulate(model, merged, state)
     rows = np.searchsorted(merged.t, moments)
     heights: Array = measured_heights(model, response, azimuths)[rows]
     return heights

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from slosh_base.types import Array
 from slosh_metrics.input_checks.table_checks import InputDoubt, motion_doubts
+from slosh_model.gaps import unresolved, unresolved_text
+from slosh_model.model import Model
 from slosh_model.tilt import largest_tilt
 from slosh_plan.planning.waypoints import Waypoints
 from slosh_plan.trajectory import Trajectory
@@ -16,8 +20,27 @@ FAST = 20.0
 """No container moves faster on the average [m/s]: the path is in mm."""
 
 
-def trajectory_doubts(motion: Trajectory) -> tuple[InputDoubt, ...]:
-    """Returns one warning for each implausible gravity, unit or attitude of a motion."""
+def rows_doubt(spacing: float, model: Model) -> tuple[InputDoubt, ...]:
+    """Returns a warning if a motion's rows are too far apart for the liquid.
+
+    Args:
+        spacing: longest interval between rows while it moves [s].
+        model: of the liquid.
+    """
+    text = unresolved_text(spacing, model)
+    return (InputDoubt(text, unresolved(spacing, model) == math.inf),) if text else ()
+
+
+def trajectory_doubts(motion: Trajectory, model: Model) -> tuple[InputDoubt, ...]:
+    """Returns one warning for each implausible gravity, unit, attitude or spacing of a motion."""
+    sparse = rows_doubt(motion.spacing, model)
+    if any(doubt.wrong for doubt in sparse):
+        # What such rows tell of rest and gravity says nothing.
+        return sparse
+    return (*sparse, *_motion_doubts(motion))
+
+
+def _motion_doubts(motion: Trajectory) -> tuple[InputDoubt, ...]:
     found = motion_doubts(motion.t, motion.acceleration, motion.attitude, motion.position)
     return (*attitude_doubts(motion.attitude), *found)
 

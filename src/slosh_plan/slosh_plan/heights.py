@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from slosh_base.types import Array
 from slosh_model.batch import wall_heights
 from slosh_model.containers import Container
 from slosh_model.errors import SloshModelError
+from slosh_model.least_wave import growing_waves
 from slosh_model.model import Model
 from slosh_model.simulate import MAXIMUM_STEP, Inputs
 from slosh_plan.errors import SloshPlanError
@@ -31,6 +33,7 @@ class Extremes:
         azimuth: where on the wall, from the container's +x [rad].
         residual: greatest MSH after the motion's end [m].
         last: the same within the last period of the horizon [m].
+        growth: by which vertical acceleration makes the smallest wave grow; 1: not visibly.
     """
 
     peak: float
@@ -38,6 +41,7 @@ class Extremes:
     azimuth: float
     residual: float
     last: float
+    growth: float = 1.0
 
 
 def first_period(model: Model) -> float:
@@ -72,13 +76,68 @@ def all_extremes(
     """
     period = first_period(model)
     try:
-        found = _heights(model, inputs, modal, max_step)
+        found = highest(model, inputs, modal, max_step=max_step)
     except SloshModelError as error:
         raise SloshPlanError(str(error)) from None
     return [
-        _extremes(motion.t, heights, end, period, model.container)
-        for motion, heights, end in zip(inputs, found, ends, strict=True)
+        replace(_extremes(motion.t, one.heights, end, period, model.container), growth=one.growth)
+        for motion, one, end in zip(inputs, found, ends, strict=True)
     ]
+
+
+class Highest(NamedTuple):
+    """Heights of the liquid in a motion, from the smallest wave that makes them highest.
+
+    Attributes:
+        heights: (N, 2) at the container's +x and +y [m].
+        growth: by which the smallest wave grows; 1: not visibly, the liquid starts without it.
+        start: (modes, 4) of the liquid; None: at rest.
+    """
+
+    heights: Array
+    growth: float
+    start: Array | None
+
+
+def highest(
+    model: Model,
+    inputs: Sequence[Inputs],
+    modal: Array | None = None,
+    *,
+    max_step: float = MAXIMUM_STEP,
+) -> list[Highest]:
+    """Computes the heights of many motions, each from the worst of the smallest waves.
+
+    Args:
+        model: the model; to a motion whose vertical acceleration makes waves grow, the effect of
+            vertical acceleration is added if it is missing.
+        inputs: the motions.
+        modal: (modes, 4) how the liquid stands when each begins; None: at rest.
+        max_step: of the integration [s].
+
+    Raises:
+        SloshModelError, SloshPlanError: as of `wall_heights`; the state of another model.
+    """
+    heights = _heights(model, inputs, modal, max_step)
+    found = [Highest(one, 1.0, modal) for one in heights]
+    waves = growing_waves(model, inputs, max_step)
+    for place, (motion, one) in enumerate(zip(inputs, waves, strict=True)):
+        if one is None:
+            continue
+        spatial, still = model.spatial(), np.zeros((model.mode_count, 4))
+        # Without a forced wave both signs are alike.
+        signs = (1.0, -1.0) if motion.acceleration[:, :2].any() or modal is not None else (1.0,)
+        for wave in (still, *(sign * wave for wave in one.starts for sign in signs)):
+            start = wave + (still if modal is None else modal)
+            (other,) = _heights(spatial, [motion], start, max_step)
+            if wave is still or _peak(model, other) > _peak(model, found[place].heights):
+                found[place] = Highest(other, one.factor, start)
+    return found
+
+
+def _peak(model: Model, heights: Array) -> float:
+    """Returns the greatest height [m]; infinity where the solution left the finite numbers."""
+    return float(np.nan_to_num(msh_of(model.container, heights), nan=np.inf).max())
 
 
 def _heights(

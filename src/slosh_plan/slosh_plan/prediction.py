@@ -10,7 +10,7 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_model.errors import SloshModelError
-from slosh_model.gaps import gap_text
+from slosh_model.gaps import gap_text, unresolved
 from slosh_model.model import Model
 from slosh_model.parameters import parameter_value, with_parameters
 from slosh_model.tilt import attitude_of, with_tilt
@@ -122,6 +122,9 @@ class Prediction:
         flags: where the motion leaves what the models were validated for.
         distance_to_rim: vertical, left by the highest place of the surface, by the interval's
             upper end [m]; below 0: it is above the rim; NaN: the rim is not known.
+        growth: by which vertical acceleration makes the smallest wave grow; 1: not visibly.
+        unresolved: share by which the heights may be higher since rows are far apart; the upper
+            ends of the intervals contain it; infinite: the rows do not tell the motion.
     """
 
     name: str
@@ -134,6 +137,8 @@ class Prediction:
     limits: HeightLimits
     flags: MotionFlag
     distance_to_rim: float = math.nan
+    growth: float = 1.0
+    unresolved: float = 0.0
 
     def __repr__(self) -> str:
         answer = self.nonlinear
@@ -254,9 +259,10 @@ def _predicted(
             _answer(nonlinear, high, quiet, horizon),
         )
         flags = motion_flags(model, one, high.peak)
-        told = _prediction(one, answers, np.sqrt(variances), limits, error, flags)
+        share = unresolved(one.spacing, model) if high.peak > 0.0 else 0.0
+        told = _prediction(one, answers, np.sqrt(variances), limits, error, flags, share)
         left = float(wall.place(told.upper).distance_to_rim)
-        found.append(replace(told, distance_to_rim=left))
+        found.append(replace(told, distance_to_rim=left, growth=high.growth, unresolved=share))
     return found
 
 
@@ -378,7 +384,9 @@ def _prediction(
     limits: HeightLimits,
     error: ModelError,
     flags: MotionFlag,
+    share: float,
 ) -> Prediction:
+    """Returns the prediction; heights may be higher by a share for what rows do not tell."""
     linear, nonlinear = answers
     half, after = (
         error.half_width(float(s), height)
@@ -386,5 +394,7 @@ def _prediction(
     )
     return Prediction(
         trajectory.name, trajectory.duration, linear, nonlinear, max(nonlinear.peak - half, 0.0),
-        nonlinear.peak + half, nonlinear.residual + after, limits, flags,
+        nonlinear.peak + half + share * nonlinear.peak,
+        nonlinear.residual + after + (share * nonlinear.residual if nonlinear.residual else 0.0),
+        limits, flags,
     )  # fmt: skip

@@ -14,7 +14,13 @@ from slosh_estimator.robot import read_urdf
 from slosh_model.containers import Container
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.joints import Arm
-from slosh_plan.planning.joint_limits import JointLimits, limits_of, read_joint_limits
+from slosh_plan.planning.joint_limits import (
+    SHARES,
+    GivenLimits,
+    JointLimits,
+    limits_of,
+    read_joint_limits,
+)
 from slosh_plan.planning.joint_path import joint_path
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import never
@@ -31,25 +37,31 @@ class CarryingRobot:
 
     Attributes:
         arm: the robot.
-        given: limits by joint and name, in place of those of the description.
+        given: limits in place of those of the description, and shares of them.
         group: joints that move; None: all that carry the container.
     """
 
     arm: Arm
-    given: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    given: GivenLimits = field(default_factory=GivenLimits)
     group: Group | None = None
 
     @property
-    def doubt(self) -> str:
-        """Names joints with user limits that the robot's description lacks; empty if none."""
-        names = list(self.given)
+    def remarks(self) -> tuple[str, ...]:
+        """What of the user's limits does not count, or counts as a share; empty if nothing."""
+        names = list(self.given.joints)
         strange = [one for one, known in zip(names, self.arm.known(names), strict=True)
                    if not known]  # fmt: skip
-        return f"joint limits of {', '.join(strange)}: no such joint in the URDF" * bool(strange)
+        shares = [f"{SHARES[name]} {share:g}" for name, share in self.given.shares.items()]
+        found = (
+            (strange, "joint limits of {}: no such joint in the URDF"),
+            (shares, "{}: plans use this share unless another one is given"),
+            (self.given.unused, "not used: {}"),
+        )
+        return tuple(words.format(", ".join(what)) for what, words in found if what)
 
     def limits(self, joints: Sequence[str]) -> JointLimits:
         """Returns the position, velocity and other limits of the named joints."""
-        return limits_of(self.arm, joints, self.given)
+        return limits_of(self.arm, joints, self.given.joints)
 
     def path(
         self,
@@ -119,7 +131,7 @@ def read_robot(
         if group:
             raise SloshEstimatorError(f"group {group!r}: needs the robot: its URDF and tool frame")
         return None
-    given = read_joint_limits(FilePath(joint_limits)) if str(joint_limits) else {}
+    given = read_joint_limits(FilePath(joint_limits)) if str(joint_limits) else GivenLimits()
     moving = read_group(srdf, group, read_urdf(urdf)) if group else None
     joints = moving.joints if moving else ()
     return CarryingRobot(read_arm(urdf, tool_frame, joints), given, moving)

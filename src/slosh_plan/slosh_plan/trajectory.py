@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from slosh_base.types import Array
 from slosh_model.errors import SloshModelError
+from slosh_model.gaps import row_spacing
 from slosh_model.simulate import Inputs
 from slosh_plan.errors import SloshPlanError
 
@@ -52,6 +53,7 @@ class Trajectory:
         angular_velocity: (N, 3) in the container's frame [rad/s]; None: the attitude's change.
         position: (N, 3) of the container's origin in the world [m]; None: not given.
         name: for messages and tables.
+        rows: longest interval between given samples while it moves [s]; NaN: that of `t`.
 
     Raises:
         SloshPlanError: what cannot be such a motion: array, row and value in one line.
@@ -63,6 +65,7 @@ class Trajectory:
     angular_velocity: Array | None = None
     position: Array | None = None
     name: str = "trajectory"
+    rows: float = math.nan
 
     def __post_init__(self) -> None:
         t = _numbers(self.name, "t", self.t)
@@ -116,12 +119,18 @@ class Trajectory:
         if given.attitude is None:
             return replace(given, acceleration=spline(given.t, 2))
         moments = dense(given.t, POSE_SPACING)
+        rows = row_spacing(given.t, spline(given.t, 2))
         poses = scipy.spatial.transform.Rotation.from_quat(given.attitude)
         turns = scipy.spatial.transform.RotationSpline(given.t, poses)
         return cls(
             moments, spline(moments, 2), turns(moments).as_quat(), turns(moments, 1),
-            spline(moments), name,
+            spline(moments), name, rows,
         )  # fmt: skip
+
+    @property
+    def spacing(self) -> float:
+        """Longest interval between given samples while the motion is not at rest [s]."""
+        return self.rows if self.rows > 0.0 else row_spacing(self.t, self.acceleration)
 
     @property
     def duration(self) -> float:
@@ -148,6 +157,7 @@ class Trajectory:
         values = {
             "t": self.t[0] + (self.t - self.t[0]) * factor,
             "acceleration": self.acceleration / factor**2,
+            "rows": self.rows * factor,
             "angular_velocity": None if rate is None else rate / factor,
         }
         # Checked already: a stretched motion has no other gaps, and thousands are made of one.
@@ -192,22 +202,32 @@ class Trajectory:
         Raises:
             SloshPlanError: the simulation does not take it.
         """
-        t, acceleration = self.t, self.acceleration
-        attitude, rate = self.attitude, self.angular_velocity
-        if horizon > 0.0:
-            count = math.ceil(horizon / spacing)
-            t = np.concatenate((t, t[-1] + horizon / count * np.arange(1, count + 1)))
-            acceleration = np.concatenate((acceleration, np.zeros((count, 3))))
-            if attitude is not None:
-                attitude = np.concatenate((attitude, np.tile(attitude[-1], (count, 1))))
-            if rate is not None:
-                rate = np.concatenate((rate, np.zeros((count, 3))))
         try:
-            given = Inputs(t, acceleration, attitude, rate)
-            moments = dense(given.t, spacing)
-            return given if len(moments) == len(t) else given.resampled(moments)
+            given = Inputs(self.t, self.acceleration, self.attitude, self.angular_velocity)
+            return rested(given, horizon, spacing)
         except SloshModelError as error:
             raise SloshPlanError(f"{self.name}: {error}") from None
+
+
+def rested(given: Inputs, horizon: float = 0.0, spacing: float = PEAK_SPACING) -> Inputs:
+    """Returns a motion, sampled at least every `spacing` [s], then at rest for `horizon` [s].
+
+    Raises:
+        SloshModelError: the simulation does not take it.
+    """
+    t, acceleration = given.t, given.acceleration
+    attitude, rate = given.attitude, given.angular_velocity
+    if horizon > 0.0:
+        count = math.ceil(horizon / spacing)
+        t = np.concatenate((t, t[-1] + horizon / count * np.arange(1, count + 1)))
+        acceleration = np.concatenate((acceleration, np.zeros((count, 3))))
+        if attitude is not None:
+            attitude = np.concatenate((attitude, np.tile(attitude[-1], (count, 1))))
+        if rate is not None:
+            rate = np.concatenate((rate, np.zeros((count, 3))))
+        given = Inputs(t, acceleration, attitude, rate)
+    moments = dense(given.t, spacing)
+    return given if len(moments) == len(t) else given.resampled(moments)
 
 
 def _optional(value: ArrayLike | None) -> Array | None:

@@ -58,6 +58,7 @@ class PlanTuning:
         "1",
         "factors by which the start of a repeated search is slower, tried in turn",
     )
+    ended: float = number(1e-3, "1", "part of a leg by duration at which a law is at rest")
     search_rounds: int = number(8, "1", "how often a limit is lowered")
     ahead: float = number(0.004, "1", "part by which heights are lowered at first")
     slack: float = number(2e-4, "1", "part by which a limit is lowered beyond its excess")

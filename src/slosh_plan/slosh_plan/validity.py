@@ -7,6 +7,7 @@ from enum import IntFlag
 import numpy as np
 
 from slosh_model.interpolation import columns_at
+from slosh_model.least_wave import growth_text
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
 from slosh_plan.trajectory import Trajectory
@@ -26,6 +27,20 @@ class MotionFlag(IntFlag):
     DIVERGED = 64
     LINEAR_ONLY = 1024
     BEYOND_LINEAR = 2048
+
+
+def validity_words(flags: MotionFlag, growth: float) -> list[str]:
+    """Describes where a motion leaves what the models were validated for.
+
+    >>> validity_words(MotionFlag.JERK_LIMIT | MotionFlag.BEYOND_LINEAR, 1.0)
+    ['jerk limit', 'beyond linear']
+
+    Args:
+        flags: of the motion.
+        growth: by which vertical acceleration makes the smallest wave grow; 1: not visibly.
+    """
+    told = [growth_text(growth)] if growth > 1.0 else []
+    return told + [(flag.name or "").lower().replace("_", " ") for flag in flags]
 
 
 def motion_flags(model: Model, trajectory: Trajectory, peak: float) -> MotionFlag:

@@ -15,6 +15,7 @@ from slosh_plan.errors import SloshPlanError
 from slosh_plan.governor import Command, GovernedArm, Governor, GovernorState, StopReason
 from slosh_plan.governor.robot_arm import with_defaults
 from slosh_plan.joints import Arm
+from slosh_plan.planning.joint_limits import GivenLimits
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.robot_file import CarryingRobot
 
@@ -37,7 +38,9 @@ GIVEN = {"rail": {"velocity": 0.3}, "shoulder": {"velocity": 0.9, "upper": 1.0}}
 
 def robot(urdf=URDF, **places):
     link = Arm(urdf, "cup")
-    limits = with_defaults(CarryingRobot(link, GIVEN).limits(link.carrying), 6.0, 150.0)
+    limits = with_defaults(
+        CarryingRobot(link, GivenLimits(GIVEN)).limits(link.carrying), 6.0, 150.0
+    )
     start = [{**START, **places}[name] for name in link.carrying]
     return GovernedArm(link, limits, np.array(start))
 

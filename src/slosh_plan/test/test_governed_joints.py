@@ -25,7 +25,7 @@ from slosh_plan.governor import (
 from slosh_plan.governor.parameters import joint_command
 from slosh_plan.governor.robot_arm import with_defaults
 from slosh_plan.joints import Arm
-from slosh_plan.planning.joint_limits import limits_of
+from slosh_plan.planning.joint_limits import GivenLimits, limits_of
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.robot_file import CarryingRobot
 
@@ -41,7 +41,9 @@ GIVEN = {"rail": {"velocity": 0.5}, "shoulder": {"velocity": 0.9, "upper": 1.0}}
 @pytest.fixture(scope="module")
 def arm():
     link = Arm(URDF, "cup")
-    limits = with_defaults(CarryingRobot(link, GIVEN).limits(link.carrying), 6.0, 100.0)
+    limits = with_defaults(
+        CarryingRobot(link, GivenLimits(GIVEN)).limits(link.carrying), 6.0, 100.0
+    )
     return GovernedArm(link, limits, np.array(START))
 
 

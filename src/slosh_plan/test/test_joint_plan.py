@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from slosh_base.files.errors import SloshFileError
 from slosh_estimator.robot import available
 from slosh_model import Inputs, simulate
 from slosh_model.model_text import parse_model
@@ -15,6 +16,7 @@ from slosh_plan.planning.joint_path import JointLeg, joint_path
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.plan import plan
 from slosh_plan.planning.waypoints import JointWaypoints
+from slosh_plan.robot_file import CarryingRobot
 from slosh_plan.tables.joint_table import read_joint_table, write_joint_table
 from slosh_tables.text_table.options import FOUND_OUT
 
@@ -208,6 +210,8 @@ def test_a_joint_that_carries_the_container_must_be_given(arm):
 
 
 LIMITS_FILE = """default_velocity_scaling_factor: 0.1
+default_acceleration_scaling_factor: 0.5
+cartesian_limits: {max_trans_vel: 1}
 joint_limits:
   shoulder: {has_velocity_limits: true, max_velocity: 1.5, has_acceleration_limits: false,
              max_acceleration: 0}
@@ -218,11 +222,70 @@ joint_limits:
 def test_limits_of_moveit_take_the_place_of_the_descriptions(arm, tmp_path):
     file = tmp_path / "joint_limits.yaml"
     file.write_text(LIMITS_FILE)
-    limits = limits_of(arm, NAMES[:3], read_joint_limits(file))
+    limits = limits_of(arm, NAMES[:3], read_joint_limits(file).joints)
     assert limits.velocity.tolist() == [1.5, 2.5, 3.0]
     assert limits.acceleration.tolist() == [math.inf, 4.0, math.inf]
     assert limits.jerk.tolist() == [math.inf, 60.0, math.inf]
     assert limits.lower[1] == -math.inf  # a joint without stops
+
+
+def waypoints(tmp_path, step, swept):
+    file = tmp_path / "way.csv"
+    rows = [f"{step * n},{swept * n / 19},0,0" for n in range(20)]
+    file.write_text("t,shoulder,elbow,wrist\n" + "\n".join(rows) + "\n")
+    return file
+
+
+@pytest.mark.parametrize(("step", "swept"), [(1.0, 0.6), (5.0, 1.2)])
+def test_waypoints_seconds_apart_are_in_seconds_where_no_joint_is_so_fast(
+    arm, tmp_path, step, swept
+):
+    found = read_joint_table(waypoints(tmp_path, step, swept), arm, FOUND_OUT)
+    assert found.t[-1] == 19 * step
+
+
+def test_waypoints_in_milliseconds_are_named(arm, tmp_path):
+    with pytest.raises(SloshFileError, match=r"probably ms \(100 Hz\)"):
+        read_joint_table(waypoints(tmp_path, 10.0, 0.02), arm, FOUND_OUT)
+
+
+def test_shares_of_moveit_count_unless_others_are_asked_for(arm, tmp_path):
+    file = tmp_path / "joint_limits.yaml"
+    file.write_text(LIMITS_FILE)
+    shares = read_joint_limits(file).shares
+    assert shares == {"velocity": 0.1, "acceleration": 0.5}
+    kept = LIMITS.with_shares(shares, None, 0.8)
+    assert (kept.joint_velocity, kept.joint_acceleration) == (0.1, 0.8)
+    path = joint_path(arm, limits_of(arm, NAMES, GIVEN), LEVEL)
+    assert 0.09 < plan(CUP, path, kept).found.joints["joint_velocity"] <= 0.1 * (1 + 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("entry", "acceleration"),
+    [
+        ("max_acceleration: 3, max_deceleration: -1, has_deceleration_limits: true", 1.0),
+        ("max_acceleration: 3, max_deceleration: 1", 1.0),
+        ("max_acceleration: 3, max_deceleration: -5", 3.0),
+        ("max_acceleration: 3, max_deceleration: -1, has_deceleration_limits: false", 3.0),
+        ("max_deceleration: -2", 2.0),
+    ],
+)
+def test_a_deceleration_is_a_limit_of_the_acceleration(tmp_path, entry, acceleration):
+    file = tmp_path / "joint_limits.yaml"
+    file.write_text(f"joint_limits: {{elbow: {{{entry}}}}}\n")
+    assert read_joint_limits(file).joints["elbow"] == {"acceleration": acceleration}
+
+
+def test_what_a_file_of_limits_holds_beside_them_is_named(tmp_path):
+    file = tmp_path / "joint_limits.yaml"
+    file.write_text(
+        "cartesian_limits: {max_trans_vel: 1}\n"
+        "joint_limits: {elbow: {max_snap: 3, has_velocity_limits: true, angle_wraparound: true}}\n"
+    )
+    words = "cartesian_limits", "elbow.max_snap", "elbow.has_velocity_limits (without a value)"
+    assert read_joint_limits(file).unused == words
+    robot = CarryingRobot(Arm(URDF, "cup"), read_joint_limits(file))
+    assert robot.remarks == (f"not used: {', '.join(words)}",)
 
 
 @pytest.mark.parametrize(
@@ -232,6 +295,8 @@ def test_limits_of_moveit_take_the_place_of_the_descriptions(arm, tmp_path):
         ("joint_limits: {elbow: 3}\n", "joint_limits.elbow must hold limits"),
         ("joint_limits: {elbow: {max_velocity: -1}}\n", "max_velocity = -1 must be a positive"),
         ("joint_limits: {elbow: {max_velocity: fast}}\n", "max_velocity = 'fast' must be"),
+        ("joint_limits: {elbow: {max_deceleration: 0}}\n", "max_deceleration = 0 must be"),
+        ("default_velocity_scaling_factor: 2\njoint_limits: {}\n", "factor = 2 must be a pos"),
     ],
 )
 def test_a_wrong_file_of_limits_is_named(tmp_path, text, words):

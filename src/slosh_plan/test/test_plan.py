@@ -17,8 +17,9 @@ from slosh_plan.planning.known_laws import (
 )
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
-from slosh_plan.planning.plan import NoSafeMotionError, plan
+from slosh_plan.planning.plan import NoSafeMotionError, demanded, plan
 from slosh_plan.planning.progress import Watch
+from slosh_plan.planning.search import OptimalSearch, SearchedLaw
 from slosh_plan.tuning import TUNING
 
 CUP = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
@@ -179,12 +180,51 @@ def test_margins_that_leave_nothing(margin):
 
 def test_the_scan_finds_the_fastest_that_is_safe():
     path = path_through(LINE)
-    found = best_scaled(Checker(CUP), path, LIMITS)
+    found = best_scaled(Checker(CUP), LIMITS, known_laws(path))
     assert found is not None
     duration = found.found.motion.duration
     for known in known_laws(path).values():
         faster = [known.motion(round(duration * s, 3)) for s in (0.85, 0.93)]
         assert not any(one.keeps(LIMITS) for one in checked(CUP, faster, None))
+
+
+@needs_casadi
+def test_a_searched_law_is_slowed_evenly(line):
+    path, answer = line.path, line
+    law = SearchedLaw(path, 0.0, answer.legs)
+    assert law.whole
+    same, slow = (law.motion(round(s * answer.found.motion.duration, 3)) for s in (1.0, 1.5))
+    np.testing.assert_allclose(same.position, answer.found.motion.position, atol=1e-9)
+    ratio = (same.duration / slow.duration) ** 2
+    assert np.abs(slow.acceleration).max() == pytest.approx(
+        ratio * np.abs(same.acceleration).max(), rel=1e-2
+    )
+    torn = [replace(leg, controls=leg.controls.copy()) for leg in answer.legs]
+    torn[-1].controls[-20:] = 0.0
+    assert not SearchedLaw(path, 0.0, tuple(torn)).whole
+
+
+@needs_casadi
+def test_a_search_that_is_ended_is_slowed_where_that_is_faster_than_a_known_law(monkeypatch, line):
+    path, best = line.path, line
+    hasty = tuple(leg.slowed(0.97) for leg in best.legs)
+    monkeypatch.setattr(OptimalSearch, "_starts", lambda _: iter(()))
+    check, kept, nominal, yaw = demanded(CUP, path, LIMITS, None, 0.0, None, None)
+    search = OptimalSearch(check, path, kept, nominal, yaw, best.scaled, 30.0, Watch(), [hasty])
+    found = search.run()
+    assert found.law == "searched law 1, slowed"
+    assert found.motion is not None
+    assert found.motion.keeps(LIMITS)
+    assert best.found.motion.duration <= found.duration < best.scaled.found.motion.duration
+
+
+def test_legs_share_the_time_by_their_lengths_or_by_their_limits():
+    path = path_through(np.array([[0.0, 0, 0], [0.4, 0, 0], [0.4, 0.1, 0]]))
+    laws = known_laws(path, LIMITS)
+    first, second = laws["quintic"].durations(1.0), laws["quintic, legs by their limits"]
+    assert first == pytest.approx((2 / 3, 1 / 3))
+    assert sum(second.durations(1.0)) == pytest.approx(1.0)
+    assert second.durations(1.0) != pytest.approx(first, rel=1e-3)
 
 
 @pytest.mark.parametrize("name", UNIT_LAWS)

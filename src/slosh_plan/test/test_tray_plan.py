@@ -13,11 +13,12 @@ from slosh_model.simulate import Inputs, simulate
 from slosh_model.standing import Standing
 from slosh_model.tray import Tray, TrayContainer
 from slosh_plan import HeightLimits, LiquidState, Trajectory, predict, safe_scales
-from slosh_plan.planning.checked import LooseContainer
+from slosh_plan.planning.checked import LooseContainer, checked
+from slosh_plan.planning.known_laws import known_laws
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import NoSafeMotionError, plan
-from slosh_plan.planning.plan_tray import TrayPlan, plan_tray
+from slosh_plan.planning.plan_tray import TrayPlan, plan_container, plan_tray
 from slosh_plan.tray import limits_of, predict_tray, tray_scales
 
 T = np.arange(0.0, 2.0, 2e-3)
@@ -219,9 +220,53 @@ def test_a_container_that_stands_loosely_is_not_lost():
     assert found.plan.found.motion.duration > 1.05 * usual.found.motion.duration
 
 
-def test_where_no_plan_keeps_all_that_is_said():
-    tray = Tray((TrayContainer("a", Model(Cylinder(0.04, 0.06)), limit=0.01),))
+def careless_plans(limit=0.01):
+    """Returns a tray of one cup, and what plans for twice its limit."""
+    tray = Tray((TrayContainer("a", Model(Cylinder(0.04, 0.06)), limit=limit),))
     path = path_through(np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]]))
     careless = plan(tray.first.model, path, PlanLimits(0.02, 0.01), time_limit=2.0)
+    return tray, lambda one, _: TrayPlan(careless, one)
+
+
+def test_where_no_plan_keeps_all_that_is_said(monkeypatch):
+    monkeypatch.setattr("slosh_plan.planning.plan_tray.best_scaled", lambda *_, **__: None)
+    tray, make = careless_plans()
     with pytest.raises(NoSafeMotionError, match=r"none of 8 plans .*: a exceeds its own by"):
-        plan_tray(tray, PlanLimits(0.02, 0.01), lambda one, _: TrayPlan(careless, one))
+        plan_tray(tray, PlanLimits(0.02, 0.01), make)
+
+
+def test_where_no_plan_keeps_all_a_slower_law_does():
+    tray, make = careless_plans()
+    answer = plan_tray(tray, PlanLimits(0.02, 0.01), make)
+    assert answer.found is not None
+    assert answer.found.kept
+    assert answer.plan.method != "optimal"
+    assert 0.0095 < answer.plan.found.peak <= 0.01
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_no_known_law_that_all_containers_keep_is_faster(seed):
+    random = np.random.default_rng(seed)
+    cups = []
+    for index in range(random.integers(2, 4)):
+        radius = random.uniform(0.025, 0.05)
+        model = Model(Cylinder(radius, random.uniform(1.0, 2.0) * radius)).spatial().nonlinear()
+        place = tuple((random.uniform(-0.25, 0.25, 3) * [1.0, 1.0, 0.2]).tolist())
+        cups.append(TrayContainer(f"c{index}", model, place, random.uniform(0.008, 0.03)))
+    tray, limits = Tray(tuple(cups)), PlanLimits(0.03, 0.015, 7.0, 200.0)
+    count = random.integers(2, 6)
+    path = path_through(np.cumsum(random.normal(size=(count, 3)) * [0.15, 0.15, 0.04], axis=0))
+    answer = plan_container(tray, path, limits, time_limit=3.0)
+    assert answer.found is not None
+    assert answer.found.kept
+    planned = answer.plan.found.motion.duration
+    for known in known_laws(path).values():
+        for duration in planned * np.arange(0.8, 0.99, 0.02):
+            motion = known.motion(round(duration, 3))
+            one = checked(tray.first.placed, [motion], None)[0]
+            if one.acceleration > limits.acceleration or one.jerk > limits.jerk:
+                continue
+            trajectory = Trajectory(motion.t, motion.acceleration)
+            asked = HeightLimits(limits.height, limits.residual)
+            (found,) = predict_tray(tray, [trajectory], limits=asked, horizon=2.5)
+            assert not found.kept

@@ -33,7 +33,7 @@ from slosh_plan.planning.limits import (
     TILT_RATE,
     PlanLimits,
 )
-from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, tilting
+from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, remarks_of, tilting
 from slosh_plan.planning.plan_tray import plan_container
 from slosh_plan.planning.tolerance import frequency_tolerance
 from slosh_plan.tables.joint_table import write_joint_table
@@ -149,6 +149,9 @@ def run(arguments: argparse.Namespace) -> int:
     limits = plan_limits(arguments, tray.first.model)
     tell = Teller("plan")
     asked = asked_path(arguments, tray.turning.model, tell)
+    limits = limits.with_shares(
+        asked.shares, arguments.velocity_scaling, arguments.acceleration_scaling
+    )
     attitude = asked.waypoints.attitude
     try:
         planned = plan_container(
@@ -163,10 +166,11 @@ def run(arguments: argparse.Namespace) -> int:
     write_results(arguments, model, answer, asked)
     felt = tilting(model, limits, answer.path)
     borne = frequency_tolerance(felt, answer.found.motion, answer.limits, attitude)
+    remarks = remarks_of(felt, answer)
     print(
-        json.dumps(facts(planned, borne))
+        json.dumps(facts(planned, borne) | {"remarks": remarks})
         if arguments.json
-        else summary(planned, arguments.output, borne)
+        else summary(planned, arguments.output, borne, remarks)
     )
     return tell.exit_code
 
@@ -188,8 +192,6 @@ def plan_limits(arguments: argparse.Namespace, model: Model) -> PlanLimits:
         tilt,
         rate,
         acceleration,
-        joint_velocity=arguments.velocity_scaling,
-        joint_acceleration=arguments.acceleration_scaling,
         rim_distance=distance,
     )
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -32,12 +33,14 @@ class AskedPath:
         path: the path.
         waypoints: of the container, as they are given.
         joints: names of the joints that move; empty: the container's own path is given.
+        shares: of the joints' velocity and acceleration limits that are used.
     """
 
     name: str
     path: paths.Path
     waypoints: Waypoints
     joints: tuple[str, ...] = ()
+    shares: Mapping[str, float] = field(default_factory=dict)
 
 
 def add_path_arguments(parser: argparse.ArgumentParser) -> None:
@@ -74,12 +77,14 @@ def add_path_arguments(parser: argparse.ArgumentParser) -> None:
         "at their values in the table PATH, or at 0 if the table has no column for them",
     )  # fmt: skip
     parser.add_argument(
-        "--velocity-scaling", type=quantities.FRACTION, default=1.0, metavar="S",
-        help="usable share of the joints' velocity limits, 0 to 1 (default: 1)",
+        "--velocity-scaling", type=quantities.FRACTION, metavar="S",
+        help="usable share of the joints' velocity limits, 0 to 1 (default: "
+        "default_velocity_scaling_factor of --joint-limits, or 1)",
     )  # fmt: skip
     parser.add_argument(
-        "--acceleration-scaling", type=quantities.FRACTION, default=1.0, metavar="S",
-        help="usable share of the joints' acceleration limits, 0 to 1 (default: 1)",
+        "--acceleration-scaling", type=quantities.FRACTION, metavar="S",
+        help="usable share of the joints' acceleration limits, 0 to 1 (default: "
+        "default_acceleration_scaling_factor of --joint-limits, or 1)",
     )  # fmt: skip
 
 
@@ -124,13 +129,14 @@ def _of_joints(arguments: argparse.Namespace, model: Model, tell: Teller) -> Ask
                if not has]  # fmt: skip
     for remark in _remarks(unknown, robot.limits(given.names).acceleration, given.names):
         tell(f"{name}: {remark}")
-    if robot.doubt:
-        tell(f"{arguments.joint_limits}: {robot.doubt}")
+    for remark in robot.remarks:
+        tell(f"{arguments.joint_limits}: {remark}")
     held = robot.held(given.names)
     if held:
         tell(f"{name}: {', '.join(held)}: not in the group {arguments.group}, held at 0")
     places, _ = arm.poses(given.names, given.position)
-    return AskedPath(name, path, Waypoints(given.t, places, None), given.names)
+    waypoints = Waypoints(given.t, places, None)
+    return AskedPath(name, path, waypoints, given.names, robot.given.shares)
 
 
 def _remarks(unknown: list[str], acceleration: Array, joints: tuple[str, ...]) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -84,23 +85,41 @@ def plan_facts(answer: Plan, borne: Tolerance) -> dict[str, object]:
     }
 
 
-def summary(planned: TrayPlan, output: Path | None, borne: Tolerance) -> str:
-    """Formats the planned motion's results in a few lines of text."""
+def law_words(answer: Plan) -> str:
+    """Describes by which law the motion runs, and the fastest known law beside it."""
+    duration = answer.found.motion.duration
+    other = f"{answer.scaled.found.motion.duration:.3f} s by the {answer.scaled.law} law"
+    reason = answer.reason
+    if answer.method == "optimal":
+        return f"{duration:.3f} s, optimal time law ({other}, scaled)" + f"; {reason}" * bool(
+            reason
+        )
+    if answer.method == answer.scaled.law:
+        return f"{other}, scaled: {reason}"
+    return f"{duration:.3f} s by the {answer.method} ({other}, scaled): {reason}"
+
+
+def summary(
+    planned: TrayPlan, output: Path | None, borne: Tolerance, remarks: Sequence[str] = ()
+) -> str:
+    """Formats the planned motion's results in a few lines of text.
+
+    Args:
+        planned: the motion.
+        output: where it is written; None: nowhere.
+        borne: which error of the frequency it bears.
+        remarks: what `slosh predict` remarks on the same motion.
+    """
     answer = planned.plan
     others = [] if planned.found is None else tray_lines(planned.one.name, planned.found)
     if planned.likely is not None:
         others.append(likely_words(answer, planned.likely))
     found, limits = answer.found, answer.limits
-    duration = found.motion.duration
     count = len(found.motion.t)
     rows = f"{count} rows in {plain_line(output)}" if output else "not written (-o FILE.csv)"
-    other = f"{answer.scaled.found.motion.duration:.3f} s by the {answer.scaled.law} law"
     lines = [
         *others,
-        f"{duration:.3f} s, optimal time law ({other}, scaled)"
-        + (f"; {answer.reason}" if answer.reason else "")
-        if answer.method == "optimal"
-        else f"{other}, scaled: {answer.reason}",
+        law_words(answer),
         f"height {1e3 * found.peak:.2f} of {1e3 * limits.height:.4g} mm"
         + (f" (the {limits.height_name})" if limits.at_rim else "")
         + rim_words(answer.distance_to_rim)
@@ -114,6 +133,7 @@ def summary(planned: TrayPlan, output: Path | None, borne: Tolerance) -> str:
         *tilted(answer),
         *joints_used(answer),
         path_words(answer),
+        *([f"remarks: {'; '.join(remarks)}"] if remarks else []),
         f"{rows}, planned in {answer.seconds:.1f} s",
     ]
     return "\n".join(lines)

@@ -38,6 +38,7 @@ from slosh_plan.robot_file import read_arm
 from slosh_plan.tables.joint_table import read_joint_trajectory
 from slosh_plan.tables.trajectory_table import read_trajectory
 from slosh_plan.tray import TrayPrediction, predict_tray, tray_scales
+from slosh_plan.validity import validity_words
 from slosh_report.json_values import plain
 from slosh_report.text_table import aligned
 
@@ -56,7 +57,7 @@ EPILOG = """peak and residual: largest height at the wall above the still level 
 and after its end, by the nonlinear model; linear peak: by the linear model. With the model's error
 (--mae, --epsilon, or the covariance in model.yaml) the peak has an interval; its upper end must
 keep the limit. safe from: every run that is slower than this multiple of the duration keeps the
-limits.
+limits; "as given": so does the motion itself, though some slower ones do not.
 
 If model.yaml gives rim_height, the rim limits the height, too, or the distance to it by
 --rim-distance: the lower limit applies.
@@ -152,17 +153,21 @@ def run(arguments: argparse.Namespace) -> int:
         return _gantry(arguments, tray, limits)
     error = ModelError(arguments.sigma, arguments.epsilon)
     motions = read_motions(arguments)
+    each = predict_tray(tray, motions, limits=limits, horizon=arguments.horizon, error=error)
     tell = Teller("predict")
     for motion in motions:
-        tell.warn(motion.name, trajectory_doubts(motion))
+        tell.warn(motion.name, trajectory_doubts(motion, model))
         added = added_text(model, attitude_of(motion))
         if added:
             print(plain_line(f"slosh predict: note: {motion.name}: {added}"), file=sys.stderr)
-    each = predict_tray(tray, motions, limits=limits, horizon=arguments.horizon, error=error)
     found = [one.of_worst for one in each]
     scales: list[SafeScales | None] = [None] * len(motions)
     # Of a motion that stays below the rim nobody asked how fast it may be.
-    wanted = [one.limits.given if tray.is_tray else limits.given or not one.kept for one in found]
+    wanted = [
+        (one.limits.given if tray.is_tray else limits.given or not one.kept)
+        and math.isfinite(one.unresolved)
+        for one in found
+    ]
     if any(wanted):
         with share_bar("time scales") as progress:
             for place, motion in enumerate(motions):
@@ -274,7 +279,7 @@ def as_text(
                 f"{math.degrees(answer.azimuth):.0f}",
                 f"{1e3 * answer.residual:.1f}",
                 f"{answer.settling_time:.1f}",
-                "-" if scale is None or math.isnan(scale.safe_from) else f"{scale.safe_from:.3f}",
+                _safe_from(one, scale),
                 "; ".join([*remarks, *_remarks(one, scale)]) or "-",
             ]
         )
@@ -300,19 +305,29 @@ def _interval(one: Prediction) -> str:
 
 
 def _remarks(one: Prediction, scale: SafeScales | None) -> Iterator[str]:
-    if not math.isnan(one.distance_to_rim):
+    if math.isfinite(one.distance_to_rim):
         yield rim_words(one.distance_to_rim).removeprefix(", ")
-    if one.excess > 0.0:
+    if one.unresolved == math.inf:
+        yield "the rows do not tell the motion: no height is certain"
+    elif one.excess > 0.0:
         yield f"{1e3 * one.excess:.1f} mm above the {one.limits.height_name}"
-    if one.residual_excess > 0.0:
+    if 0.0 < one.residual_excess < math.inf:
         yield f"{1e3 * one.residual_excess:.1f} mm above the residual limit"
     if scale is not None and scale.islands:
         yield "also safe: " + ", ".join(f"{low:.3f} … {high:.3f}" for low, high in scale.islands)
-    if scale is not None and math.isnan(scale.safe_from):
+    if scale is not None and math.isnan(scale.safe_from) and not one.kept:
         yield "no safe time scale"
-    names = [flag.name.lower().replace("_", " ") for flag in type(one.flags) if flag in one.flags
-             and flag.name]  # fmt: skip
-    yield from (name for name in names if name != "none")
+    yield from validity_words(one.flags, one.growth)
+
+
+def _safe_from(one: Prediction, scale: SafeScales | None) -> str:
+    """Describes from which time scale on a motion keeps the limits, and that it does as given."""
+    if scale is None:
+        return "-"
+    from_there = scale.safe_from
+    if one.kept and not from_there <= 1.0:
+        return "as given" if math.isnan(from_there) else f"as given, slower {from_there:.3f}"
+    return "-" if math.isnan(from_there) else f"{from_there:.3f}"
 
 
 def _facts(

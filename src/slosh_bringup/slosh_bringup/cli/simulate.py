@@ -29,6 +29,10 @@ from slosh_model.response import Response
 from slosh_model.simulate import simulate
 from slosh_model.tilt import added_text, attitude_of, with_tilt
 from slosh_plan import HeightLimits
+from slosh_plan.heights import highest, msh_of
+from slosh_plan.prediction import checked_horizon
+from slosh_plan.start import begun
+from slosh_plan.trajectory import PEAK_SPACING, rested
 from slosh_tables.motion_table import read_motion_table
 from slosh_tables.text_table.units import check_span
 
@@ -44,6 +48,9 @@ EPILOG = """columns of the table:
 Without effects on the measurement, msh is the length of the vector (sh_x, sh_y). In a rectangle
 it is the sum of their absolute values: the height at the corner.
 
+The peak is looked for between the rows, too, and in the three periods after the last row, in which
+the container rests, as by `slosh predict`. The table holds the rows alone.
+
 The output states whether the motion stays within the range for which the model was validated,
 below the limit (--limit) and below the rim (if model.yaml gives rim_height) by --rim-distance.
 
@@ -52,6 +59,8 @@ missing, 2 for wrong input"""
 
 COLUMNS = ("t", "msh", "azimuth", "sh_x", "sh_y")
 SUFFIXES = (".csv", ".csv.gz", ".parquet")
+MOST_ROWS = 1_000_000
+"""So many moments of a long motion are looked at for its peak."""
 STANDARD_OUTPUT = Path("/dev/stdout")
 
 
@@ -101,11 +110,19 @@ def run(arguments: argparse.Namespace) -> int:
     if added:
         print(plain_line(f"slosh simulate: note: {arguments.motion}: {added}"), file=sys.stderr)
     model = with_tilt(model, attitude_of(inputs))
-    response, _ = simulate(model, inputs)
-    msh = predicted_heights(model, inputs, inputs.t)[:, 0]
+    spacing = max(PEAK_SPACING, float(np.ptp(inputs.t)) / MOST_ROWS)
+    fine = rested(inputs, checked_horizon(model, None), spacing)
+    (worst,) = highest(model, [fine])
+    model = model if worst.growth == 1.0 else model.spatial()
+    state = begun(model, worst.start, float(inputs.t[0]))
+    response, _ = simulate(model, inputs, state)
+    msh = predicted_heights(model, inputs, inputs.t, state=state)[:, 0]
+    read = predicted_heights(model, fine, fine.t, state=state)[:, 0]
+    liquid = msh_of(model.container, worst.heights)
     gaps = gap_text(motion.t, model)
     found = (*doubts(model, motion), *([InputDoubt(gaps)] if gaps else []))
-    answer = make_answer(model, inputs, (msh, response.msh), limits, found)
+    heights = fine.t, read, liquid
+    answer = make_answer(model, inputs, heights, limits, found, worst.growth)
     write_response(output, response, msh)
     if plot is not None:
         from slosh_bringup.simulate.chart import write_chart  # with matplotlib, slow to load

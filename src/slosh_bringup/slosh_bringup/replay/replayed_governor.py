@@ -15,7 +15,7 @@ from slosh_msgs_py.topics import FUSED_ESTIMATE, GOVERNED_MOTION, TOPICS
 from slosh_plan.governor import Command, Governed, Governor, SeenLiquid, StopReason
 from slosh_plan.governor.parameters import arm_of, governor_of
 from slosh_plan.joints import Arm
-from slosh_plan.planning.joint_limits import parse_joint_limits
+from slosh_plan.planning.joint_limits import GivenLimits, parse_joint_limits
 from slosh_plan.robot_file import CarryingRobot
 from slosh_replay.recording.settings import NodeStart, model_of
 from slosh_replay.replay.nodes import Moment, NodeTopic, ReplayedNode, Setting, recorded_name
@@ -183,7 +183,7 @@ def _governor_of(start: NodeStart, places: tuple[float, ...]) -> Governor:
     if "urdf" in files:
         link = Arm(files["urdf"], start.parameters["tool_frame"])
         limits = files.get("joint_limits", "")
-        robot = CarryingRobot(link, parse_joint_limits(limits) if limits else {})
+        robot = CarryingRobot(link, parse_joint_limits(limits) if limits else GivenLimits())
         arm = arm_of(robot, places[: len(link.carrying)], start.parameters)
     tray = parse_tray(files[TRAY]) if TRAY in files else None
     held = tray if tray is not None and tray.present else model

@@ -12,17 +12,18 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_bringup.errors import SloshBringupError
 from slosh_metrics.input_checks.table_checks import InputDoubt, motion_doubts
+from slosh_model.gaps import row_spacing, unresolved
+from slosh_model.least_wave import growth_text
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
 from slosh_model.wall import Wall, WallPlace
+from slosh_plan.doubts import rows_doubt
 from slosh_plan.limits import HeightLimits
 from slosh_plan.validity import greatest
 from slosh_tables.motion_table import MotionTable
 
 IMPOSSIBLE = 1e6
 """No container survives such an acceleration [m/s²]: the table is refused."""
-MOST_OF_A_PERIOD = 0.5
-"""Of the liquid's first mode: rows that are farther apart do not tell its motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +44,8 @@ class SimulationAnswer:
         wall: the container's.
         outside: why this model was not validated for it, one text each; empty: it was.
         doubts: what looks wrong in the table, one text each.
+        unresolved: share by which heights may be higher since rows are far apart.
+        growth: by which vertical acceleration makes the smallest wave grow; 1: not visibly.
     """
 
     model: str
@@ -58,6 +61,8 @@ class SimulationAnswer:
     wall: Wall
     outside: tuple[str, ...]
     doubts: tuple[InputDoubt, ...]
+    unresolved: float = 0.0
+    growth: float = 1.0
 
     @property
     def doubtful(self) -> bool:
@@ -66,13 +71,17 @@ class SimulationAnswer:
 
     @property
     def over_limit(self) -> bool | None:
-        """Whether the peak height exceeds the limit, or None if no limit is given."""
-        return None if self.limit is None else self.peak > self.limit
+        """Whether the peak height may exceed the limit, or None if no limit is given."""
+        return None if self.limit is None else self._upper(self.peak) > self.limit
+
+    def _upper(self, height: float) -> float:
+        """Returns the greatest height that the motion between the rows allows [m]."""
+        return height * (1.0 + self.unresolved) if height > 0.0 else height
 
     @property
     def place(self) -> WallPlace:
         """Place on the wall where the liquid reaches its greatest height."""
-        return self.wall.place(self.liquid_peak)
+        return self.wall.place(self._upper(self.liquid_peak))
 
     @property
     def over_rim(self) -> bool | None:
@@ -103,21 +112,27 @@ class SimulationAnswer:
             "peak_acceleration": self.acceleration,
             "peak_jerk": self.jerk,
             "warnings": list(self.doubts),
+            "peak_upper": self._upper(self.peak) if math.isfinite(self.unresolved) else None,
+            "growth": self.growth,
         }
 
     def text(self) -> str:
         """Formats the result in one line, heights in mm."""
         parts = [f"{self.model}: peak {1e3 * self.peak:.1f} mm at t = {self.peak_time:.3f} s"]
-        if self.limit is not None:
-            parts.append(_beside(self.peak - self.limit, "the limit", self.limit))
-        if self.freeboard is not None:
+        if 0.0 < self.unresolved < math.inf:
+            parts.append(f"up to {1e3 * self._upper(self.peak):.1f} mm between the rows")
+        if self.unresolved == math.inf:
+            parts.append("the rows do not tell the motion: no height is certain")
+        elif self.limit is not None:
+            parts.append(_beside(self._upper(self.peak) - self.limit, "the limit", self.limit))
+        if self.freeboard is not None and math.isfinite(self.unresolved):
             parts.append(_beside(-self.place.distance_to_rim, "the rim", self.freeboard))
             if self.rim_distance > 0.0:
                 least = (
                     f"{'' if self.too_near else 'not '}less than {1e3 * self.rim_distance:g} mm"
                 )
                 parts.append(f"{least} to the rim")
-        parts += self._on_wall()
+        parts += [*self._on_wall(), *filter(None, [growth_text(self.growth)])]
         outside = f"outside validity ({', '.join(self.outside)})"
         valid = "input doubtful, see the warning" if self.doubtful else "within validity"
         parts.append(outside if self.outside else valid)
@@ -145,27 +160,30 @@ class SimulationAnswer:
 def make_answer(
     model: Model,
     inputs: Inputs,
-    heights: tuple[Array, Array],
+    heights: tuple[Array, Array, Array],
     limits: HeightLimits,
     doubts: tuple[InputDoubt, ...],
+    growth: float = 1.0,
 ) -> SimulationAnswer:
     """Computes peak height, limits and warnings of a simulated motion.
 
     Args:
         model: what was simulated.
         inputs: the motion.
-        heights: (N,) as a sensor reads it, and (N,) the liquid's own maximum [m].
+        heights: (M,) times, between the rows and after the last one, too [s], (M,) height as a
+            sensor reads it, and (M,) the liquid's own maximum [m].
         limits: what was asked to be kept.
         doubts: what looks wrong in the table.
+        growth: by which vertical acceleration makes the smallest wave grow.
     """
-    read, liquid = heights
+    t, read, liquid = heights
     peak = int(np.argmax(read))
     acceleration, jerk = greatest(inputs)
     return SimulationAnswer(
         model=model.name,
         samples=len(inputs.t),
         peak=float(read[peak]),
-        peak_time=float(inputs.t[peak]),
+        peak_time=float(t[peak]),
         liquid_peak=float(liquid.max()),
         limit=limits.height if math.isfinite(limits.height) else None,
         freeboard=model.container.freeboard,
@@ -175,6 +193,8 @@ def make_answer(
         wall=model.container.wall,
         outside=_outside(model, acceleration, jerk, float(liquid.max())),
         doubts=doubts,
+        unresolved=unresolved(row_spacing(inputs.t, inputs.acceleration), model),
+        growth=growth,
     )
 
 
@@ -217,14 +237,8 @@ def check_possible(path: Path, motion: MotionTable) -> None:
 
 def doubts(model: Model, motion: MotionTable) -> tuple[InputDoubt, ...]:
     """Lists what looks wrong in a motion table; empty if nothing does."""
-    period = 2.0 * math.pi / model.mode_frequency(1)
-    step = float(np.median(np.diff(motion.t))) if len(motion.t) > 1 else 0.0
-    if step > MOST_OF_A_PERIOD * period:
+    sparse = rows_doubt(row_spacing(motion.t, motion.acceleration), model)
+    if any(doubt.wrong for doubt in sparse):
         # What such rows tell of rest and gravity says nothing.
-        return (
-            InputDoubt(
-                f"rows are {step:.3g} s apart, the liquid's period is {period:.2g} s: is t in s? "
-                "Sample the motion more often"
-            ),
-        )
-    return motion_doubts(motion.t, motion.acceleration, motion.attitude)
+        return sparse
+    return (*sparse, *motion_doubts(motion.t, motion.acceleration, motion.attitude))

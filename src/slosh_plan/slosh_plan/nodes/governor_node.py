@@ -71,6 +71,8 @@ class GovernorNode(PreparedNode):
         self._limit = values["limit"]
         self._tray = read_tray(values["model"])
         self._robot = robot_of(values)
+        for remark in self._robot.remarks if self._robot else ():
+            self.get_logger().warning(remark)
         self._names = self._robot.arm.carrying if self._robot else ()
         self._joints = JointPlaces(self._names, self._now)
         self._lost, self._refused_at = "", list[float]()

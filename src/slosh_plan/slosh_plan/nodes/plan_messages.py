@@ -140,8 +140,12 @@ def _kept(attitude: Array) -> Array:
     return first
 
 
-def limits_of(request: Any) -> PlanLimits:
+def limits_of(request: Any, robot: CarryingRobot | None) -> PlanLimits:
     """Reads the motion limits of a planning request (PlanRequest.msg).
+
+    Args:
+        request: of the service or the action.
+        robot: whose file may hold default shares of the joints' limits; None: it is not known.
 
     Raises:
         SloshPlanError: a limit that is none.
@@ -150,14 +154,18 @@ def limits_of(request: Any) -> PlanLimits:
     limit = request.limit
     if distance > 0.0 and math.isnan(limit):
         limit = math.inf
-    return PlanLimits(
+    asked = PlanLimits(
         limit,
         given(request.residual_limit, limit),
         given(request.max_acceleration, ACCELERATION),
         given(request.max_jerk, JERK),
-        joint_velocity=given(request.max_velocity_scaling_factor, 1.0),
-        joint_acceleration=given(request.max_acceleration_scaling_factor, 1.0),
         rim_distance=distance,
+    )
+    shares = {} if robot is None else robot.given.shares
+    return asked.with_shares(
+        {},
+        given(request.max_velocity_scaling_factor, shares.get("velocity", 1.0)),
+        given(request.max_acceleration_scaling_factor, shares.get("acceleration", 1.0)),
     )
 
 

@@ -144,7 +144,8 @@ class PlannedMotions:
             whence += f"; by its stamp it began {-delay:.2f} s ago"
         added = added_text(tray.first.placed, attitude_of(motion))
         whence += f"; it {added}" if added else ""
-        whence += "".join(f"; but {doubt}" for doubt in trajectory_doubts(motion))
+        doubts = trajectory_doubts(motion, tray.first.placed)
+        whence += "".join(f"; but {doubt}" for doubt in doubts)
         return self._message(found, now, start_ns, state is not None, whence)
 
     def _state(self, tray: Tray) -> tuple[LiquidStates | None, str]:

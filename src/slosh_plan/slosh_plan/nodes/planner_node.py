@@ -86,8 +86,8 @@ class PlannerNode(PreparedNode):
         self._values = values = declare(self, PARAMETERS)
         self._tray = read_tray(values["model"])
         self._robot = robot_of(values)
-        if self._robot is not None and self._robot.doubt:
-            self.get_logger().warning(self._robot.doubt)
+        for remark in self._robot.remarks if self._robot else ():
+            self.get_logger().warning(remark)
         self._settings = SettingsPublisher(
             self, sources_digest(*SOURCES), arithmetic_fingerprint(), values, (topics.ESTIMATE,)
         )
@@ -189,7 +189,7 @@ class PlannerNode(PreparedNode):
     ) -> tuple[Any, str]:
         """Returns the message of a plan, and a sentence that describes it."""
         tray = self._container.asked(request.model_path, topics.PLAN)
-        limits = plan_messages.limits_of(request)
+        limits = plan_messages.limits_of(request, self._robot)
         asked = plan_messages.path_of(request, self._robot)
         if request.from_estimate:
             check_states(tray, limits, self._estimate.state_for(tray))

@@ -9,6 +9,7 @@ from typing import Any
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compilation import load_telling
 from slosh_base.compiled.compile_cache import sources_digest
+from slosh_model.least_wave import growth_text
 from slosh_model.tilt import added_text, attitude_of
 from slosh_model.tray import read_tray
 from slosh_msgs.srv import PredictSlosh
@@ -163,7 +164,8 @@ class PredictorNode(PreparedNode):
         answer = "; ".join(filter(None, (answer, found.falling)))
         added = added_text(model, attitude_of(motion))
         answer += f"; it {added}" if added else ""
-        return "; but ".join([answer, *trajectory_doubts(motion)])
+        grown = filter(None, [growth_text(prediction.growth)])
+        return "; but ".join([answer, *grown, *trajectory_doubts(motion, model)])
 
     def _health(self) -> Health:
         there = self._container.tray.present

@@ -86,8 +86,8 @@ class RelayNode(PreparedNode):
         self._values = values = declare(self, PARAMETERS)
         self._tray = read_tray(values["model"])
         robot = robot_of(values)
-        if robot is not None and robot.doubt:
-            self.get_logger().warning(robot.doubt)
+        for remark in robot.remarks if robot else ():
+            self.get_logger().warning(remark)
         if robot is None:
             raise SloshEstimatorError("urdf: the relay needs the robot's description")
         self._controller = self.resolve_topic_name(values["controller"])

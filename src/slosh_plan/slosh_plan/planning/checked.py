@@ -14,7 +14,7 @@ from slosh_model import Inputs, Model, wall_heights
 from slosh_model.standing import Standing
 from slosh_model.standing_use import StandingUse, standing_use
 from slosh_model.tray import TrayContainer
-from slosh_plan.heights import first_period, msh_of
+from slosh_plan.heights import first_period, highest, msh_of
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.prediction import ModelError, principal_variants
@@ -154,6 +154,48 @@ class Checker:
         return replace(self, model=replace(self.model, covariance=None))(motions)
 
 
+class AllContainers(NamedTuple):
+    """Simulates planned motions of a tray with all containers.
+
+    What a motion reaches is told in shares of the first container's limits, by the worst.
+
+    Attributes:
+        each: the check and the limits of each container, the first one that is planned for.
+    """
+
+    each: tuple[tuple[Checker, PlanLimits], ...]
+
+    def __call__(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
+        """Returns motions with the worst that their simulation gives."""
+        return self._worst([check(motions) for check, _ in self.each])
+
+    def glance(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
+        """Returns lower bounds of it, without the uncertainty of parameters."""
+        return self._worst([check.glance(motions) for check, _ in self.each])
+
+    def _worst(self, found: list[list[CheckedMotion]]) -> list[CheckedMotion]:
+        limits = [each for _, each in self.each]
+        first = limits[0]
+        answers = []
+        for row in zip(*found, strict=True):
+            upper = max(one.upper / kept.height for one, kept in zip(row, limits, strict=True))
+            after = max(
+                one.residual_upper / kept.residual for one, kept in zip(row, limits, strict=True)
+            )
+            standing: dict[str, float] = {}
+            for name, used in (pair for one in row for pair in one.standing.items()):
+                standing[name] = max(used, standing.get(name, 0.0))
+            answers.append(
+                replace(
+                    row[0],
+                    upper=upper * first.height,
+                    residual_upper=after * first.residual,
+                    standing=standing,
+                )
+            )
+        return answers
+
+
 def _higher(one: CheckedMotion, other: CheckedMotion) -> CheckedMotion:
     """Raises a motion's upper bounds of heights and limit use where another model's are higher."""
     return replace(
@@ -182,10 +224,9 @@ def checked(
         attitude: (4,) quaternion that the container keeps; None: upright.
     """
     inputs = [_with_rest(motion, horizon(model), attitude) for motion in motions]
-    heights = wall_heights(model, inputs)
     return [
-        _checked(motion, _finite(msh_of(model.container, both)))
-        for motion, both in zip(motions, heights, strict=True)
+        _checked(motion, _finite(msh_of(model.container, one.heights)))
+        for motion, one in zip(motions, highest(model, inputs), strict=True)
     ]
 
 

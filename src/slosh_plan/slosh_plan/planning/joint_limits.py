@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +21,38 @@ KEYS = {
     "torque": "max_effort", "lower": "min_position", "upper": "max_position",
 }  # fmt: skip
 """Of joint_limits.yaml, by the limits that they set."""
+DECELERATION = "max_deceleration"
+"""A size of either sign: Pilz' planners have it below 0."""
 SWITCHES = {
     "velocity": "has_velocity_limits", "acceleration": "has_acceleration_limits",
     "jerk": "has_jerk_limits", "torque": "has_effort_limits",
     "lower": "has_position_limits", "upper": "has_position_limits",
+    "deceleration": "has_deceleration_limits",
 }  # fmt: skip
 """A limit counts where its switch is true; without a switch it counts."""
+SHARES = {
+    "velocity": "default_velocity_scaling_factor",
+    "acceleration": "default_acceleration_scaling_factor",
+}
+"""Shares of the limits that MoveIt plans with unless a request says otherwise."""
+NO_LIMITS = frozenset({"angle_wraparound"})
+"""Keys of a joint that limit nothing."""
+_ENTRY_KEYS = NO_LIMITS.union(KEYS.values(), SWITCHES.values(), [DECELERATION])
+
+
+@dataclass(frozen=True, slots=True)
+class GivenLimits:
+    """Limits that a user gives beside the robot's description.
+
+    Attributes:
+        joints: limits by joint and name.
+        shares: of all joints' velocity and acceleration limits that plans use by default.
+        unused: what the file holds beside them, in words.
+    """
+
+    joints: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    shares: Mapping[str, float] = field(default_factory=dict)
+    unused: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +94,7 @@ def limits_of(
     Args:
         arm: the robot.
         joints: their names.
-        given: limits by joint and name, as `read_joint_limits` tells them.
+        given: limits by joint and name.
     """
     own = arm.limits(joints)
     known = [one.name for one in fields(JointLimits)][1:]
@@ -78,10 +105,8 @@ def limits_of(
     return JointLimits(tuple(joints), **columns)
 
 
-def read_joint_limits(path: Path) -> dict[str, dict[str, float]]:
-    """Reads MoveIt's joint_limits.yaml; returns limits by joint and name.
-
-    Scaling factors and other keys of MoveIt's are passed over.
+def read_joint_limits(path: Path) -> GivenLimits:
+    """Reads MoveIt's joint_limits.yaml.
 
     Raises:
         SloshFileError, SloshPlanError: no such file, a limit that is no positive number.
@@ -89,10 +114,8 @@ def read_joint_limits(path: Path) -> dict[str, dict[str, float]]:
     return _joint_limits(read_yaml(path).value, str(path))
 
 
-def parse_joint_limits(
-    text: str, source: str = "joint_limits.yaml"
-) -> dict[str, dict[str, float]]:
-    """Parses the text of MoveIt's joint_limits.yaml; returns limits by joint and name.
+def parse_joint_limits(text: str, source: str = "joint_limits.yaml") -> GivenLimits:
+    """Parses the text of MoveIt's joint_limits.yaml.
 
     Raises:
         SloshFileError, SloshPlanError: as `read_joint_limits`.
@@ -100,26 +123,58 @@ def parse_joint_limits(
     return _joint_limits(parse_yaml(text, source).value, source)
 
 
-def _joint_limits(document: Any, source: str) -> dict[str, dict[str, float]]:
+def _joint_limits(document: Any, source: str) -> GivenLimits:
     section = document.get(SECTION) if isinstance(document, Mapping) else None
     if not isinstance(section, Mapping):
         raise SloshPlanError(f"{source}: the section {SECTION} is missing")
-    return {str(joint): _limits(source, str(joint), entry) for joint, entry in section.items()}
+    shares = {
+        name: _number(document[key], f"{source}: {key}", most=1.0)
+        for name, key in SHARES.items() if key in document
+    }  # fmt: skip
+    joints = {
+        str(joint): _limits(f"{source}: {SECTION}.{joint}", entry)
+        for joint, entry in section.items()
+    }
+    unused = [str(key) for key in document if key not in (SECTION, *SHARES.values())]
+    for joint, entry in section.items():
+        unused += [f"{joint}.{key}" for key in entry if key not in _ENTRY_KEYS]
+        unused += [f"{joint}.{key} (without a value)" for key in _without_value(entry)]
+    return GivenLimits(joints, shares, tuple(unused))
 
 
-def _limits(path: str, joint: str, entry: Any) -> dict[str, float]:
+def _without_value(entry: Mapping[str, Any]) -> list[str]:
+    """Returns the switches that are true and whose limits are missing."""
+    keys: dict[str, list[str]] = {}
+    for name, switch in SWITCHES.items():
+        keys.setdefault(switch, []).append(KEYS.get(name, DECELERATION))
+    return [one for one, wanted in keys.items()
+            if entry.get(one) is True and not any(key in entry for key in wanted)]  # fmt: skip
+
+
+def _limits(where: str, entry: Any) -> dict[str, float]:
     if not isinstance(entry, Mapping):
-        raise SloshPlanError(f"{path}: {SECTION}.{joint} must hold limits by their names")
-    found = {}
-    for name, key in KEYS.items():
-        if key not in entry or entry.get(SWITCHES[name], True) is not True:
-            continue
-        value, signed = entry[key], name in ("lower", "upper")
-        usable = isinstance(value, int | float) and not isinstance(value, bool)
-        if not (usable and np.isfinite(value) and (signed or value > 0.0)):
-            raise SloshPlanError(
-                f"{path}: {SECTION}.{joint}.{key} = {value!r} must be a "
-                f"{'finite' if signed else 'positive'} number"
-            )
-        found[name] = float(value)
+        raise SloshPlanError(f"{where} must hold limits by their names")
+
+    def counts(name: str, key: str) -> bool:
+        return key in entry and entry.get(SWITCHES[name], True) is True
+
+    found = {
+        name: _number(entry[key], f"{where}.{key}", signed=name in ("lower", "upper"))
+        for name, key in KEYS.items() if counts(name, key)
+    }  # fmt: skip
+    if counts("deceleration", DECELERATION):
+        value = abs(_number(entry[DECELERATION], f"{where}.{DECELERATION}", signed=True))
+        if value == 0.0:
+            raise SloshPlanError(f"{where}.{DECELERATION} = 0 must be another number than 0")
+        # A joint's acceleration has one limit for both signs of the change of its speed.
+        found["acceleration"] = min(value, found.get("acceleration", value))
     return found
+
+
+def _number(value: Any, where: str, *, signed: bool = False, most: float = math.inf) -> float:
+    usable = isinstance(value, int | float) and not isinstance(value, bool)
+    if not (usable and math.isfinite(value) and value <= most and (signed or value > 0.0)):
+        least = "finite number" if signed else "positive number"
+        upper = f" up to {most:g}" if most < math.inf else ""
+        raise SloshPlanError(f"{where} = {value!r} must be a {least}{upper}")
+    return float(value)

@@ -60,6 +60,14 @@ class JointLeg(Leg):
         """Returns the joint positions (N, J) or their derivatives with respect to path length."""
         return np.asarray(self.joints(np.clip(s, 0.0, self.length), order))
 
+    def joint_slowness(self, s: Array) -> Array:
+        """Returns the time by length that velocities, and accelerations across, ask, (N,)."""
+        assert self.demands is not None
+        limits = self.demands.limits
+        slow = np.abs(self.joint_derivative(s, 1)) / limits.velocity
+        bent = np.sqrt(np.abs(self.joint_derivative(s, 2)) / limits.acceleration)
+        return np.asarray((np.hstack([slow, bent]) ** 4).sum(axis=1) ** 0.25)
+
     def torque_terms(self, s: Array) -> Array:
         """Returns the torque terms (N, 3, J); see `Arm.torque_terms`."""
         assert self.torques is not None

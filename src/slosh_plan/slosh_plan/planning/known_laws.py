@@ -8,18 +8,19 @@ simulated.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
 from types import MappingProxyType
+from typing import Literal, Protocol
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
 from slosh_base.types import Array
 from slosh_model.motion_profiles import cycloidal, modified_trapezoid, quintic
-from slosh_plan.planning.checked import CheckedMotion, Checker
+from slosh_plan.planning.checked import CheckedMotion
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Leg, Path
 from slosh_plan.planning.progress import Watch, never
@@ -84,21 +85,28 @@ class KnownLaw:
         path: the path.
         unit: the law, from 0 to 1.
         legs: of the path, by the pace at which the law runs along them.
+        shares: of the duration for each leg; empty: by the root of their lengths.
     """
 
     path: Path
     unit: UnitLaw
     legs: tuple[PacedLeg, ...]
+    shares: tuple[float, ...] = ()
+
+    def durations(self, duration: float) -> tuple[float, ...]:
+        """Returns the durations of the legs for a total duration [s]."""
+        if not self.shares:
+            return leg_durations(self.path, duration)
+        return tuple(duration * share for share in self.shares)
 
     def laws(self, duration: float) -> list[Law]:
         """Returns the time laws of the legs for a total duration [s]."""
-        durations = leg_durations(self.path, duration)
+        durations = self.durations(duration)
         return [self._law(leg, time) for leg, time in zip(self.legs, durations, strict=True)]
 
     def motion(self, duration: float, step: float = STEP) -> PlannedMotion:
         """Creates the motion with a total duration and a sample interval [s]."""
-        durations = leg_durations(self.path, duration)
-        return motion_along(self.path, self.laws(duration), durations, step)
+        return motion_along(self.path, self.laws(duration), self.durations(duration), step)
 
     def _law(self, leg: PacedLeg, duration: float) -> Law:
         def law(t: Array) -> tuple[Array, Array, Array]:
@@ -110,7 +118,7 @@ class KnownLaw:
 
 @dataclass(frozen=True, slots=True)
 class Scaled:
-    """A standard time law, slowed until its motion exceeds no limit.
+    """A time law, slowed until its motion exceeds no limit.
 
     Attributes:
         law: its name.
@@ -119,31 +127,90 @@ class Scaled:
     """
 
     law: str
-    known: KnownLaw
+    known: TimeLaw
     found: CheckedMotion
 
 
-def known_laws(path: Path) -> dict[str, KnownLaw]:
-    """Returns the standard time laws along a path (trapezoid, polynomials and others), by name."""
-    paces = PACES if any(curved(leg) for leg in path.legs) else {"": PACES[""]}
+class TimeLaw(Protocol):
+    """A time law along a path, for any duration."""
+
+    def durations(self, duration: float) -> tuple[float, ...]:
+        """Returns the durations of the legs for a total duration [s]."""
+        ...
+
+    def laws(self, duration: float) -> Sequence[Law]:
+        """Returns the time laws of the legs for a total duration [s]."""
+        ...
+
+    def motion(self, duration: float, step: float = STEP) -> PlannedMotion:
+        """Creates the motion with a total duration and a sample interval [s]."""
+        ...
+
+
+class Check(Protocol):
+    """Tells what motions do; see `Checker`."""
+
+    def __call__(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
+        """Returns motions with what they reach."""
+        ...
+
+    def glance(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
+        """Returns lower bounds of it."""
+        ...
+
+
+def known_laws(path: Path, limits: PlanLimits | None = None) -> dict[str, KnownLaw]:
+    """Returns the standard time laws along a path (trapezoid, polynomials and others), by name.
+
+    Args:
+        path: the path.
+        limits: by which legs share the duration, too; None: by their lengths alone.
+    """
+    paces = {name: pace for name, pace in PACES.items() if pace.suits(path)}
     found: dict[str, KnownLaw] = {}
     for words, pace in paces.items():
         legs = tuple(PacedLeg(leg, pace) for leg in path.legs)
         found |= {f"{name}{words}": KnownLaw(path, unit, legs) for name, unit in UNIT_LAWS.items()}
+    if limits is None or len(path.legs) == 1:
+        return found
+    for words, pace in paces.items():
+        legs = tuple(PacedLeg(leg, pace) for leg in path.legs)
+        least = [_least(_alone(path, leg).motion, limits) for leg in legs]
+        shares = tuple(time / sum(least) for time in least)
+        found |= {
+            f"{name}{words}, legs by their limits": KnownLaw(path, unit, legs, shares)
+            for name, unit in UNIT_LAWS.items()
+        }
     return found
 
 
-def best_scaled(
-    check: Checker, path: Path, limits: PlanLimits, watch: Watch | None = None
-) -> Scaled | None:
-    """Returns the fastest standard time law that keeps the limits; None if none does.
+def _alone(path: Path, leg: PacedLeg) -> KnownLaw:
+    """Returns the quintic law along one leg of a path."""
+    return KnownLaw(replace(path, legs=(leg.leg,), reversals=()), quintic, (leg,))
 
-    Where the watch is stopped, the fastest so far.
+
+def best_scaled(
+    check: Check,
+    limits: PlanLimits,
+    laws: Mapping[str, TimeLaw],
+    watch: Watch | None = None,
+    longest: float = LONGEST,
+) -> Scaled | None:
+    """Returns the fastest of several time laws that keeps the limits; None if none does.
+
+    All candidates of a plan go through it: standard laws, and searched laws that are slowed.
+
+    Args:
+        check: tells what a motion does.
+        limits: to keep.
+        laws: by their names.
+        watch: where it is stopped, the answer is the fastest so far.
+        longest: duration that is not reached [s].
     """
     watch = watch or Watch()
     best: Scaled | None = None
-    for name, known in known_laws(path).items():
-        longest = LONGEST if best is None else best.found.motion.duration
+    for name, known in laws.items():
+        longest = longest if best is None else best.found.motion.duration
         found = fastest(check, known.motion, limits, longest, watch.stopped)
         if found is not None:
             best = Scaled(name, known, found)
@@ -158,7 +225,7 @@ def leg_durations(path: Path, duration: float) -> tuple[float, ...]:
 
 
 def fastest(
-    check: Checker,
+    check: Check,
     make: Make,
     limits: PlanLimits,
     longest: float = LONGEST,
@@ -219,16 +286,38 @@ def _least(make: Make, limits: PlanLimits) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """Rule that lowers the speed where the path is strongly curved.
+    """Rule that lowers the speed along parts of a path.
 
     Attributes:
-        power: 0: an even speed; 1/3: the two-thirds power law, at which an ellipse is gone through
-            harmonically; 1/2: an even lateral acceleration.
-        floor: below which curvature hardly counts.
+        power: of the curvature; 0: an even speed; 1/3: the two-thirds power law, at which an
+            ellipse is gone through harmonically; 1/2: an even lateral acceleration.
+        floor: below which curvature, or what else there is, hardly counts.
+        of: 'path': its curvature; 'container': its speed where joints move it; 'joints': their
+            limits of velocity and acceleration.
     """
 
     power: float
     floor: float
+    of: Literal["path", "container", "joints"] = "path"
+
+    def suits(self, path: Path) -> bool:
+        """Returns whether the rule is of use along a path."""
+        if self.of != "path":
+            return all(leg.demands is not None for leg in path.legs)
+        return self.power == 0.0 or any(curved(leg) for leg in path.legs)
+
+    def slowness(self, leg: Leg, s: Array) -> Array:
+        """Returns by what the time of each part of a leg is in proportion, (N,) at places s."""
+        if self.of == "path":
+            squared = (leg.at(s)[2] ** 2).sum(axis=1)
+            least = (self.floor**2) * squared.mean() + (TUNING.straight / leg.length) ** 2
+            return np.asarray((squared + least) ** (0.5 * self.power))
+        if self.of == "container":
+            slow = np.linalg.norm(leg.at(s)[1], axis=1)
+        else:
+            slow = leg.joint_slowness(s)
+        least = self.floor * float(slow.mean()) or 1.0
+        return np.asarray(np.hypot(slow, least))
 
 
 PACES: Mapping[str, Pace] = MappingProxyType(
@@ -236,6 +325,8 @@ PACES: Mapping[str, Pace] = MappingProxyType(
         "": Pace(0.0, 1.0),
         ", slower in curves": Pace(1.0 / 3.0, 0.3),
         ", evenly in curves": Pace(0.5, 1.0),
+        ", even for the container": Pace(1.0, 0.2, "container"),
+        ", even for the joints": Pace(1.0, 0.3, "joints"),
     }
 )
 """By what their names add to a law's."""
@@ -257,9 +348,7 @@ class PacedLeg:
     def splines(self) -> tuple[BSpline, ...]:
         """Splines of path length s [m] over the parameter, and of its first two derivatives."""
         s = np.linspace(0.0, self.leg.length, TUNING.leg_points + 1)
-        squared = (self.leg.at(s)[2] ** 2).sum(axis=1)
-        least = (self.pace.floor**2) * squared.mean() + (TUNING.straight / self.leg.length) ** 2
-        slow = (squared + least) ** (0.5 * self.pace.power)
+        slow = self.pace.slowness(self.leg, s)
         at = np.concatenate([[0.0], np.cumsum(0.5 * (slow[1:] + slow[:-1]))])
         spline = make_interp_spline(at / at[-1], s, k=5)
         return (spline, spline.derivative(), spline.derivative(2))

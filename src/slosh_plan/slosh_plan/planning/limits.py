@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -80,6 +81,23 @@ class PlanLimits(HeightLimits):
         """Returns the limits, with heights during and after the motion at most up to the rim."""
         kept = HeightLimits.under_rim(self, model)
         return replace(kept, residual=min(kept.residual, kept.height))
+
+    def with_shares(
+        self, defaults: Mapping[str, float], velocity: float | None, acceleration: float | None
+    ) -> Self:
+        """Returns the limits with shares of the joints' velocity and acceleration limits.
+
+        Args:
+            defaults: shares by 'velocity' and 'acceleration', where none is asked for.
+            velocity, acceleration: that are asked for; None: none is.
+        """
+        return replace(
+            self,
+            joint_velocity=defaults.get("velocity", 1.0) if velocity is None else velocity,
+            joint_acceleration=(
+                defaults.get("acceleration", 1.0) if acceleration is None else acceleration
+            ),
+        )
 
     def lowered(self, margin: float) -> PlanLimits:
         """Returns the limits with the heights during and after the motion lowered by a margin [m].

@@ -58,6 +58,10 @@ class Leg:
         """Gravity's component along the container's floor, at rest at the leg's start [m/s²]."""
         return 0.0, 0.0
 
+    def joint_slowness(self, s: Array) -> Array:
+        """Returns the time by length that the joints' limits ask, (N,); zeros without joints."""
+        return np.zeros(len(s))
+
     def columns(self, s: Array) -> Array:
         """Returns d/ds, d²/ds² and d³/ds³ of the position along the leg, for interpolation."""
         return np.column_stack(self.at(s)[1:])

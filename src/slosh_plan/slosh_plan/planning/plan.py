@@ -20,14 +20,15 @@ from slosh_model.for_notebooks import Shown, height_axes, table
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning import optimise
 from slosh_plan.planning.checked import CheckedMotion, Checker, LooseContainer, attitudes, horizon
-from slosh_plan.planning.known_laws import LONGEST, Scaled, best_scaled
+from slosh_plan.planning.known_laws import LONGEST, Check, Scaled, best_scaled, known_laws
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import StoppedError, Watch
 from slosh_plan.planning.search import Found, Legs, OptimalSearch
 from slosh_plan.planning.time_law import PlannedMotion
-from slosh_plan.prediction import ModelError, predict
+from slosh_plan.prediction import ModelError, Prediction, predict
 from slosh_plan.trajectory import Trajectory
+from slosh_plan.validity import validity_words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,7 +56,7 @@ class Plan(Shown):
         margin: by which the heights were to stay below [m].
         error: of the model, for which more was kept: the upper ends of the heights' intervals keep
             the limits; None: none was asked for.
-        method: 'optimal', or the name of the known law that was scaled.
+        method: 'optimal', or the name of the known or searched law that was slowed.
         reason: why there is no optimal law; empty: there is one.
         upper: upper ends of the intervals (95 %) of the peak and of the height after the end [m],
             from the error and the covariance of the model's parameters; None: there is neither.
@@ -160,7 +161,7 @@ def plan(
         found = search.run()
     best = found.motion
     assert best is not None
-    method = "optimal" if found.legs else scaled.law
+    method = "optimal" if found.legs else found.law or scaled.law
     upper = (best.upper, best.residual_upper) if error else _upper(check, best.motion)
     return Plan(
         best, limits, margin, error, method, found.words, upper, scaled, path, watch.elapsed,
@@ -197,7 +198,7 @@ def distance_to_rim(model: Model, found: CheckedMotion) -> float:
     return float(model.container.wall.place(found.peak).distance_to_rim)
 
 
-def fastest_law(check: Checker, path: Path, limits: PlanLimits, watch: Watch) -> Scaled:
+def fastest_law(check: Check, path: Path, limits: PlanLimits, watch: Watch) -> Scaled:
     """Returns the fastest standard time law that keeps the limits.
 
     Raises:
@@ -205,7 +206,7 @@ def fastest_law(check: Checker, path: Path, limits: PlanLimits, watch: Watch) ->
         StoppedError: the watch ended the search before there was any.
     """
     watch.enter("known laws")
-    scaled = best_scaled(check, path, limits, watch)
+    scaled = best_scaled(check, limits, known_laws(path, limits), watch)
     if scaled is not None:
         return scaled
     if watch.stopped():
@@ -242,13 +243,28 @@ def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:
 
 def _upper(check: Checker, motion: PlannedMotion) -> tuple[float, float] | None:
     """Returns the 95 % intervals' upper ends of peak and residual height [m]; None if unknown."""
-    model = check.model
-    if model.covariance is None:
+    if check.model.covariance is None:
         return None
-    turned = attitudes(motion, check.attitude, len(motion.t))
+    found = _predicted(check.model, motion, check.attitude)
+    return found.upper, found.residual_upper
+
+
+def remarks_of(model: Model, answer: Plan) -> list[str]:
+    """Returns what `predict` remarks on the motion of a plan.
+
+    Args:
+        model: for which it was planned.
+        answer: the plan.
+    """
+    found = _predicted(replace(model, covariance=None), answer.found.motion, answer.attitude)
+    return validity_words(found.flags, found.growth)
+
+
+def _predicted(model: Model, motion: PlannedMotion, attitude: Array | None) -> Prediction:
+    turned = attitudes(motion, attitude, len(motion.t))
     trajectory = Trajectory(motion.t, motion.acceleration, turned, name="plan")
     (found,) = predict(model, trajectory, horizon=horizon(model))
-    return found.upper, found.residual_upper
+    return found
 
 
 def upright_yaw(attitude: Array | None) -> float:

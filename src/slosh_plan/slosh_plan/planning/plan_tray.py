@@ -11,13 +11,29 @@ from slosh_base.types import Array
 from slosh_model.tray import Tray, TrayContainer
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.limits import HeightLimits
-from slosh_plan.planning.checked import LooseContainer, attitudes, horizon
+from slosh_plan.planning.checked import (
+    AllContainers,
+    Checker,
+    LooseContainer,
+    attitudes,
+    horizon,
+)
+from slosh_plan.planning.known_laws import LONGEST, TimeLaw, best_scaled, known_laws
 from slosh_plan.planning.likely import NEEDED
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
-from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, plan
+from slosh_plan.planning.plan import (
+    TIME_LIMIT,
+    NoSafeMotionError,
+    Plan,
+    distance_to_rim,
+    plan,
+    tilting,
+    upright_yaw,
+)
 from slosh_plan.planning.progress import Watch
 from slosh_plan.planning.robust import LikelyHeights, likely_use, plan_robust
+from slosh_plan.planning.search import SearchedLaw
 from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.prediction import ModelError, Prediction, check_start
 from slosh_plan.start import LiquidStates, state_of
@@ -83,36 +99,126 @@ def plan_tray(
         SloshPlanError: no container is there.
     """
     check_present(tray)
+    judge = _Judge(tray, limits, attitude, margin, error, robust)
     by_name = {each.name: each for each in tray.present}
     lowered = dict.fromkeys(by_name, 1.0)
     one = min(by_name, key=lambda name: _height(by_name[name], limits))
+    tried, best = list[TrayPlan](), None
     for _ in range(MOST):
         own, share = limits_of(by_name[one], limits), lowered[one]
         asked = replace(
             own, height=own.height * share, residual=own.residual * share,
             friction=own.friction * share, tipping=own.tipping * share,
         )  # fmt: skip
-        answer = make(by_name[one], asked)
-        found = _predicted(tray, answer.plan, limits, attitude, error)
-        motion = answer.plan.found.motion
+        try:
+            answer = make(by_name[one], asked)
+        except NoSafeMotionError:
+            break
+        tried.append(answer)
+        found, use = judge(answer.plan.found.motion)
+        worst = max(use, key=lambda name: use[name])
+        if use[worst] <= 1.0 + ROUNDING:
+            best = answer._replace(found=found)
+            break
+        lowered[one] *= LOWERED / use[worst]
+        one = worst
+    else:
+        failed = f"{worst} exceeds its own by {100.0 * (use[worst] - 1.0):.0f} %"
+    best = _faster(judge, tried, best)
+    if best is not None:
+        return best
+    if len(tried) < MOST:
+        raise NoSafeMotionError(f"no motion keeps the limits of container {one}")
+    raise NoSafeMotionError(f"none of {MOST} plans keeps the limits of all containers: {failed}")
+
+
+class _Judge(NamedTuple):
+    """Tells what a motion of a tray does to all containers.
+
+    Attributes:
+        tray, limits, attitude, margin, error, robust: as of `plan_tray`.
+    """
+
+    tray: Tray
+    limits: PlanLimits
+    attitude: Array | None
+    margin: float
+    error: ModelError | None
+    robust: bool
+
+    def __call__(self, motion: PlannedMotion) -> tuple[TrayPrediction, dict[str, float]]:
+        """Returns the prediction, and which share of its limits each container uses."""
+        attitude, margin, error = self.attitude, self.margin, self.error
+        found = _predicted(self.tray, motion, self.limits, attitude, error)
+        by_name = {each.name: each for each in self.tray.present}
         use = {
             name: max(
                 _likely(by_name[name], motion, each, attitude, margin, error)
-                if robust
+                if self.robust
                 else _use(each, margin),
                 *found.standing.get(name, (0.0,)),
             )
             for name, each in found.containers.items()
         }
-        worst = max(use, key=lambda name: use[name])
-        if use[worst] <= 1.0 + ROUNDING:
-            return answer._replace(found=found)
-        lowered[one] *= LOWERED / use[worst]
-        one = worst
-    raise NoSafeMotionError(
-        f"none of {MOST} plans keeps the limits of all containers: {worst} exceeds its own by "
-        f"{100.0 * (use[worst] - 1.0):.0f} %"
-    )
+        return found, use
+
+    def checkers(self, model: TrayContainer, path: Path) -> AllContainers:
+        """Returns the check of all containers along a path, as shares of one's limits."""
+        others = [each for each in self.tray.present if each.name != model.name]
+        return AllContainers(
+            tuple(
+                (
+                    Checker(
+                        tilting(each.placed, self.limits, path),
+                        self.attitude,
+                        self.error,
+                        loose=LooseContainer.of(each),
+                    ),
+                    limits_of(each, self.limits).under_rim(each.placed).lowered(self.margin),
+                )
+                for each in (model, *others)
+            )
+        )
+
+
+def _faster(judge: _Judge, tried: list[TrayPlan], best: TrayPlan | None) -> TrayPlan | None:
+    """Returns the fastest of the known laws and the slowed plans, where it is faster than `best`.
+
+    Args:
+        judge: of all containers.
+        tried: plans for one container each, which others need not keep.
+        best: the fastest that all keep; None: there is none.
+    """
+    if not tried:
+        return best
+    first = tried[0]
+    path, one = first.plan.path, first.one
+    standard = known_laws(path, judge.limits)
+    laws: dict[str, TimeLaw] = {**standard}
+    for n, each in enumerate(tried, start=1):
+        if each.plan.legs:
+            yaw = upright_yaw(judge.attitude)
+            laws[f"searched law {n}, slowed"] = SearchedLaw(path, yaw, each.plan.legs)
+    check = judge.checkers(one, path)
+    longest = LONGEST if best is None else best.plan.found.motion.duration
+    _, kept = check.each[0]
+    for _ in range(MOST):
+        law = best_scaled(check, kept, laws, longest=longest)
+        if law is None:
+            return best
+        found, use = judge(law.found.motion)
+        worst = max(use.values())
+        if worst <= 1.0 + ROUNDING:
+            own = check.each[0][0]([law.found.motion])[0]
+            known = replace(law, found=own) if law.law in standard else first.plan.scaled
+            plan_ = replace(
+                first.plan, found=own, limits=limits_of(one, judge.limits).under_rim(one.placed),
+                method=law.law, scaled=known, reason="it keeps all containers, and is faster",
+                upper=None, legs=(), distance_to_rim=distance_to_rim(one.placed, own),
+            )  # fmt: skip
+            return TrayPlan(plan_, one, found)
+        kept = replace(kept, height=kept.height / worst, residual=kept.residual / worst)
+    return best
 
 
 def plan_container(
@@ -187,7 +293,7 @@ def check_plan_from(
         attitude: (4,) that the tray keeps; None: not turned.
         states: the liquid when the motion begins.
     """
-    found = _predicted(tray, answer, limits, attitude, None, states)
+    found = _predicted(tray, answer.found.motion, limits, attitude, None, states)
     for name, one in found.containers.items():
         peak, residual = one.nonlinear.peak, one.nonlinear.residual
         if peak > one.limits.height or residual > one.limits.residual:
@@ -236,14 +342,13 @@ def _likely(
 
 def _predicted(
     tray: Tray,
-    answer: Plan,
+    motion: PlannedMotion,
     limits: PlanLimits,
     attitude: Array | None,
     error: ModelError | None,
     states: LiquidStates | None = None,
 ) -> TrayPrediction:
-    """Predicts the response of each container on the tray to a plan."""
-    motion = answer.found.motion
+    """Predicts the response of each container on the tray to a planned motion."""
     turned = attitudes(motion, attitude, len(motion.t))
     trajectory = Trajectory(motion.t, motion.acceleration, turned, name="the plan")
     asked = HeightLimits(limits.height, limits.residual, rim_distance=limits.rim_distance)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from slosh_model import Inputs, Model, simulate
 from slosh_plan.planning.checked import CheckedMotion, Checker, attitudes
 from slosh_plan.planning.flow import first_mode, flow_of
 from slosh_plan.planning.interval import CHAIN
-from slosh_plan.planning.known_laws import LONGEST, Scaled, leg_durations
+from slosh_plan.planning.known_laws import LONGEST, Scaled, best_scaled
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.loose_terms import LooseTerms
 from slosh_plan.planning.optimise import LegGuess, PathSearch, PathSolution
@@ -43,17 +43,70 @@ class Found:
     Attributes:
         motion: that keeps the limits; None: there is none.
         legs: where another search may start; empty: the motion is not of a search.
-        words: why there is none, or no other than the known law.
+        words: why there is none, or no other than a known law.
+        law: the name of the law, where it is not the search's own.
     """
 
     motion: CheckedMotion | None
     legs: Legs = ()
     words: str = ""
+    law: str = ""
 
     @property
     def duration(self) -> float:
         """Duration of the motion [s], or infinity if none was found."""
         return math.inf if self.motion is None else self.motion.motion.duration
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SearchedLaw:
+    """The time law of a search's result, slowed evenly to any duration.
+
+    Attributes:
+        path: the path.
+        yaw: of the container [rad].
+        legs: the result; it need not keep any limit.
+    """
+
+    path: Path
+    yaw: float
+    legs: Legs
+
+    @property
+    def duration(self) -> float:
+        """Duration of the result [s]; it may be any number."""
+        return sum(leg.duration for leg in self.legs)
+
+    @property
+    def whole(self) -> bool:
+        """Whether it runs forwards from rest to rest, as an ended search's result may not."""
+        for law, leg in zip(self.laws(self.duration), self.path.legs, strict=True):
+            nodes = law.nodes()
+            ended = abs(nodes[-1, 1]) * law.duration < TUNING.ended * leg.length
+            if not (ended and np.isfinite(nodes).all() and np.diff(nodes[:, 0]).min() > -1e-6):
+                return False
+        return True
+
+    def durations(self, duration: float) -> tuple[float, ...]:
+        """Returns the durations of the legs for a total duration [s]."""
+        return tuple(leg.duration * duration / self.duration for leg in self.legs)
+
+    def laws(self, duration: float) -> list[JerkLaw]:
+        """Returns the time laws of the legs for a total duration [s]."""
+        factor = duration / self.duration
+        return [
+            _law_of(found, leg).stretched(factor)
+            for found, leg in zip(self.legs, self.path.legs, strict=True)
+        ]
+
+    def motion(self, duration: float, step: float = STEP) -> PlannedMotion:
+        """Creates the motion with a total duration and a sample interval [s]."""
+        laws = self.laws(duration)
+        motion = motion_along(self.path, laws, [law.duration for law in laws], step)
+        if self.legs[0].tilts:
+            factor = duration / self.duration
+            motion = replace(motion, tilt=_tilt_of(self.legs, factor, motion.t, self.yaw))
+        return motion
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,6 +122,7 @@ class OptimalSearch:
         scaled: the fastest known law.
         time_limit: on the watch, after which the search ends [s].
         watch: is told.
+        tried: results of all optimisations, also of those that were ended or exceed a limit.
     """
 
     check: Checker
@@ -79,6 +133,7 @@ class OptimalSearch:
     scaled: Scaled
     time_limit: float
     watch: Watch
+    tried: list[Legs] = field(default_factory=list)
 
     def run(self) -> Found:
         """Returns the best motion, and why it follows only a standard time law, if it does."""
@@ -95,12 +150,27 @@ class OptimalSearch:
                 break
         if self.limits.tilt > 0.0 and best.legs and not self.over():
             best = self._tilted(best)
-        return best if best.legs else replace(best, words=last)
+        best = best if best.legs else replace(best, words=last)
+        return self._slowed(best)
+
+    def _slowed(self, best: Found) -> Found:
+        """Returns the fastest of the searched laws that keeps the limits when slowed evenly."""
+        laws = {
+            f"searched law {n}, slowed": SearchedLaw(self.path, self.yaw, legs)
+            for n, legs in enumerate(self.tried, start=1)
+        }
+        faster = {name: law for name, law in laws.items()
+                  if 0.0 < law.duration < best.duration and law.whole}  # fmt: skip
+        found = best_scaled(self.check, self.limits, faster, self.watch, best.duration)
+        if found is None:
+            return best
+        words = best.words or "the search exceeded a limit"
+        return Found(found.found, words=words, law=found.law)
 
     def _starts(self) -> Iterator[tuple[PathSearch, Legs]]:
         """Yields optimisations with constant attitude, each with an initial guess."""
         duration = self.scaled.found.motion.duration
-        problem = self.problem(leg_durations(self.path, duration), tilting=False)
+        problem = self.problem(self.scaled.known.durations(duration), tilting=False)
         for n, factor in enumerate(TUNING.starts, start=1):
             self.watch.enter(f"search {n} of {len(TUNING.starts)}")
             yield problem, guess_of(self.check.model, self.path, self.scaled, problem, factor)
@@ -147,6 +217,8 @@ class OptimalSearch:
         words = f"the search kept exceeding a limit after {TUNING.search_rounds} rounds"
         for _ in range(TUNING.search_rounds):
             solution = self._solved(problem, guess, asked, factors)
+            if solution is not None:
+                self.tried.append(solution.legs)
             if solution is None or (not solution.converged and self.over()):
                 words = self.why_over()
                 break
@@ -197,18 +269,7 @@ class OptimalSearch:
         duration = sum(leg.duration for leg in legs)
         if not (math.isfinite(duration) and 0.0 < duration < LONGEST):
             return None
-        return self.check([self._motion(legs, whole_rows(duration) / duration)])[0]
-
-    def _motion(self, legs: Legs, factor: float, step: float = STEP) -> PlannedMotion:
-        """Returns the motion of an optimisation's result, slowed by a factor."""
-        laws = [
-            _law_of(found, leg).stretched(factor)
-            for found, leg in zip(legs, self.path.legs, strict=True)
-        ]
-        motion = motion_along(self.path, laws, [law.duration for law in laws], step)
-        if legs[0].tilts:
-            motion = replace(motion, tilt=_tilt_of(legs, factor, motion.t, self.yaw))
-        return motion
+        return self.check([SearchedLaw(self.path, self.yaw, legs).motion(whole_rows(duration))])[0]
 
 
 def _law_of(found: LegGuess, leg: Leg) -> JerkLaw:
@@ -262,7 +323,7 @@ def guess_of(model: Model, path: Path, start: Scaled, search: PathSearch, factor
     """
     motion, layout = start.found.motion, search.layout
     waves = waves_of([model], motion)
-    durations = leg_durations(path, motion.duration)
+    durations = start.known.durations(motion.duration)
     legs, begin = [], 0.0
     laws = start.known.laws(motion.duration)
     for law, duration, count in zip(laws, durations, search.counts, strict=True):

@@ -17,10 +17,12 @@ from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.planning.waypoints import JointWaypoints
 from slosh_plan.trajectory import Trajectory
 from slosh_tables.text_table.options import FOUND_OUT, TableOptions
-from slosh_tables.text_table.reading import read_table
+from slosh_tables.text_table.reading import TextTable, read_table
 
 DERIVATIVES = (".velocity", ".acceleration")
 """Endings of the columns that hold a joint's derivatives."""
+FASTEST = 30.0
+"""A joint of no known limit is not faster [rad/s or m/s]."""
 
 
 def read_joint_table(path: Path, arm: Arm, options: TableOptions = FOUND_OUT) -> JointWaypoints:
@@ -34,8 +36,17 @@ def read_joint_table(path: Path, arm: Arm, options: TableOptions = FOUND_OUT) ->
     Raises:
         SloshFileError: no such table.
     """
-    table = read_table(path, _check_names, options, free=True, relative=True)
-    joints = [name for name in table.names if name != "t" and not name.endswith(DERIVATIVES)]
+
+    def used(table: TextTable) -> float:
+        places = np.column_stack([table.column(name) for name in _joints(table)])
+        steps = np.abs(np.diff(places, axis=0))
+        times = np.diff(table.column("t"))[:, None]
+        most = arm.limits(_joints(table))["velocity"]
+        most = np.where(np.isfinite(most), most, FASTEST)
+        return float((steps / most / np.where(times > 0.0, times, np.inf)).max(initial=0.0))
+
+    table = read_table(path, _check_names, options, free=True, sampled=used, relative=True)
+    joints = _joints(table)
     position = table.group(joints)
     assert position is not None  # the names were checked
     wrapped = arm.wrapping(joints, position)
@@ -47,6 +58,11 @@ def read_joint_table(path: Path, arm: Arm, options: TableOptions = FOUND_OUT) ->
     joined = arm.joined(joints, position)
     more = [table.group([joint + ending for joint in joints]) for ending in DERIVATIVES]
     return JointWaypoints(tuple(joints), table.column("t"), joined, *more)
+
+
+def _joints(table: TextTable) -> list[str]:
+    """Returns the names of a table's joints."""
+    return [name for name in table.names if name != "t" and not name.endswith(DERIVATIVES)]
 
 
 def read_joint_trajectory(path: Path, arm: Arm, options: TableOptions = FOUND_OUT) -> Trajectory:

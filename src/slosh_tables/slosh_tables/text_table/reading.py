@@ -98,7 +98,7 @@ def read_table(
     *,
     may_be_blank: Callable[[str], bool] = lambda name: False,
     free: bool = False,
-    sampled: bool = True,
+    sampled: bool | Callable[[TextTable], float] = True,
     relative: bool = False,
 ) -> TextTable:
     """Reads a table of numbers from a file.
@@ -109,7 +109,8 @@ def read_table(
         options: what the user says of it.
         may_be_blank: whether a column may have cells without a value, which become NaN.
         free: whether names other than the time's are the user's own, such as those of joints.
-        sampled: whether its rows sample a motion; False: waypoints, at any times.
+        sampled: whether its rows sample a motion, or what tells `check_step` which share of its
+            speed limits the motion uses; False: waypoints, at any times.
         relative: whether times in seconds since 1970 are counted from the first one, without
             loss, too; those in other units are.
 
@@ -134,14 +135,20 @@ def read_table(
     data = reader.data
     for place, column in enumerate(indexes, start=len(kept)):
         _check_index(path, column, data[:, place])
-    notes += _scaled(path, kept, data, reader, options, sampled=sampled)
+    scaled, unit = _scaled(kept, data, reader, options)
+    notes += scaled
     passed = [name for k, name in enumerate(form.heading) if k not in {c.place for c in kept}]
     if passed:
         notes.append(f"not read: {', '.join(name or 'the index column' for name in passed)}")
     if notes:
         options.tell(f"{path}: read as: {'; '.join(notes)}")
     names = [column.name for column in kept]
-    return TextTable(path, names, data[:, : len(kept)], np.frombuffer(reader.lines, np.int64))
+    lines = np.frombuffer(reader.lines, np.int64)
+    table = TextTable(path, names, data[:, : len(kept)], lines)
+    if sampled is not False and TIME in names:
+        use = 0.0 if sampled is True else sampled(table)
+        check_step(path, table.column(TIME), unit, kept[names.index(TIME)].given, use=use)
+    return table
 
 
 def _check_kind(path: Path) -> None:
@@ -172,25 +179,21 @@ def _separated(form: Rows, options: TableOptions) -> str:
 
 
 def _scaled(
-    path: Path,
-    columns: Sequence[Column],
-    data: Array,
-    reader: _Numbers,
-    options: TableOptions,
-    *,
-    sampled: bool,
-) -> list[str]:
-    """Converts values to SI units in place; returns remarks about the conversion."""
+    columns: Sequence[Column], data: Array, reader: _Numbers, options: TableOptions
+) -> tuple[list[str], str | None]:
+    """Converts values to SI units in place; returns remarks, and the unit that times had.
+
+    The unit is None where seconds were assumed.
+    """
     notes: dict[str, list[str]] = {}
+    told: str | None = None
     for place, column in enumerate(columns):
         unit, factor = column.unit, column.factor
         if column.name == TIME:
             found = options.time_unit or reader.clock.unit or column.unit
             if not found:
                 found = assumed_unit(reader.clock.first, data[:, place])
-            unit, factor = found or "s", TIME_UNITS[found or "s"]
-            if sampled:
-                check_step(path, data[:, place] * factor, found or None, column.given)
+            unit, factor, told = found or "s", TIME_UNITS[found or "s"], found or None
             if reader.clock.origin is not None:
                 notes.setdefault(f"counted from {reader.clock.origin}", []).append(TIME)
         if factor != 1.0:
@@ -200,8 +203,9 @@ def _scaled(
             named = "" if column.given == column.name else f" from {column.given!r}"
             key = said if not named else f"{named}{said}"
             notes.setdefault(key, []).append(column.name)
-    return [f"{', '.join(names)}{how if how[:1] == ' ' else f' {how}'}"
+    lines = [f"{', '.join(names)}{how if how[:1] == ' ' else f' {how}'}"
             for how, names in notes.items()]  # fmt: skip
+    return lines, told
 
 
 def _check_index(path: Path, column: Column, values: Array) -> None:

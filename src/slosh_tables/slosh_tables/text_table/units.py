@@ -107,7 +107,7 @@ def likely_units(step: float) -> list[str]:
     return [u for u in ("ms", "us", "ns") if low <= 1.0 / (step * TIME[u]) <= high]
 
 
-def check_step(path: Path, t: Array, unit: str | None, name: str) -> None:
+def check_step(path: Path, t: Array, unit: str | None, name: str, *, use: float = 0.0) -> None:
     """Raises an error if samples are so far apart that the time unit must be wrong.
 
     Args:
@@ -115,6 +115,8 @@ def check_step(path: Path, t: Array, unit: str | None, name: str) -> None:
         t: (N,) [s].
         unit: that heading, values or user told; None: seconds were assumed.
         name: of the column.
+        use: share of its speed limits that the motion uses with times in seconds; 0: unknown.
+            In a unit in which it uses more than all of them the times are not.
 
     Raises:
         SloshFileError: the line names the likely unit and the option that tells it.
@@ -124,7 +126,10 @@ def check_step(path: Path, t: Array, unit: str | None, name: str) -> None:
     step = float(np.median(np.diff(t)))
     if step < (SLOW if len(t) > SLOW_ROWS else SLOWEST):
         return
-    units = likely_units(step)
+    usual = likely_units(step)
+    units = [one for one in usual if use <= TIME[one]]
+    if usual and not units:
+        return
     likely = " or ".join(f"{one} ({1.0 / (step * TIME[one]):.4g} Hz)" for one in units)
     raise SloshFileError(
         f"{path}: column {name!r}: rows are {step:.6g} apart, too far for seconds; "
