@@ -25,7 +25,6 @@ from slosh_bringup.finished_work import FinishedWork
 from slosh_bringup.replay.replayed_governor import governor_row
 from slosh_estimator.inputs import WantedInput
 from slosh_model.model_text import read_model
-from slosh_msgs_py import topics
 from slosh_replay.manifest import Expectation
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording.facts import event_lines
@@ -220,7 +219,7 @@ def _by_journal(task: Task) -> list[Point]:
         return []
     from slosh_replay.journaled.replay import replay_journals
 
-    found = replay_journals(task.bag, task.cell or topics.NAMESPACE)
+    found = replay_journals(task.bag, task.cell)
     return [Point(f"{one.node} by its journal", one.failure) for one in found]
 
 

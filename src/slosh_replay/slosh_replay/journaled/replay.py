@@ -104,17 +104,21 @@ class NodeReplay(NamedTuple):
         return f"{self.node} by its journal: {'; '.join(parts)}" if parts else ""
 
 
-def replay_journals(path: str | Path, cell: str = topics.NAMESPACE) -> list[NodeReplay]:
+def replay_journals(path: str | Path, cell: str | None = None) -> list[NodeReplay]:
     """Replays each node of a recording by its journal, and compares what it publishes.
 
     Args:
         path: of the bag.
-        cell: namespace of the topics.
+        cell: namespace of the topics; None: the first cell that has journals.
 
     Raises:
         SloshBagError: no readable bag.
     """
     reader = BagReader(path)
+    if cell is None:
+        suffix = f"/{topics.JOURNAL}"
+        named = (one.removesuffix(suffix) for one in reader.topics() if one.endswith(suffix))
+        cell = next(named, topics.NAMESPACE)
     processes = read_processes(reader, f"{cell}/{topics.JOURNAL}")
     starts = read_starts(reader, f"{cell}/{topics.SETTINGS}")
     found: list[NodeReplay] = []
