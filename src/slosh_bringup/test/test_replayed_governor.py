@@ -43,7 +43,7 @@ class GovernedBag(LiveBag):
         self.states = True
 
     def _made(self):
-        return governor_of(self.model, VALUES)
+        return governor_of(self.model, VALUES, at_rest=True)
 
     def _files(self):
         return {}
@@ -122,7 +122,7 @@ class CarriedBag(GovernedBag):
     def _made(self):
         link = Arm(self._files()["urdf"], ROBOT["tool_frame"])
         self.reasons = set()
-        return governor_of(self.model, ROBOT, arm_of(CarryingRobot(link), CARRYING, ROBOT))
+        return governor_of(self.model, ROBOT, arm_of(CarryingRobot(link), CARRYING, ROBOT), at_rest=True)
 
     def _files(self):
         return {"urdf": (Path(__file__).resolve().parents[3] / "examples/robot.urdf").read_text()}

@@ -231,7 +231,7 @@ def test_a_tray_is_governed_by_its_worst_container(cell: Cell) -> None:
 def test_the_core_gives_the_same(cell: Cell) -> None:
     cell.follow(0.3, 15)
     values = dict(cell.governor._values)
-    core = governor_of(MODEL, values)
+    core = governor_of(MODEL, values, at_rest=True)
     taken = {to_nanoseconds(one.header.stamp) for one in cell.safe}
     assert taken
     assert isinstance(core, Governor)
