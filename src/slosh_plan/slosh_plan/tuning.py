@@ -133,6 +133,7 @@ class PlanTuning:
     governor_phase: float = number(0.2, "rad", "phase of the fastest mode between two rows, ωh")
     governor_tail: float = number(0.6, "period", "periods of the first mode after a stop")
     governor_tilted_tail: float = number(1.1, "period", "the same where the container may tilt")
+    governor_modes_tail: float = number(2.0, "period", "the same for models with several modes")
     governor_first: float = number(2.0, "period", "duration of the first stop, in its periods")
     governor_least: float = number(
         16.0, "step", "duration of the shortest stop while a command is followed"

@@ -112,6 +112,8 @@ class Governor:
         slowest = max(first_period(cup.model) for cup in self._cups)
         # Around the level of a tilted container a wave is highest once a period.
         tail = (TUNING.governor_tilted_tail if turns else TUNING.governor_tail) * slowest
+        if any(cup.model.modes > 1 for cup in self._cups):
+            tail = TUNING.governor_modes_tail * slowest  # until the crests of all modes have met
         reserve = containers.reserve_of(self._cups, spacing, doubt.frequency)
         self._settings = _settings(limits, period, per_row, tail, reserve)
         self._table, self._points = containers.table_of(
@@ -334,11 +336,7 @@ class Governor:
             lead, held = 0.0, min(max(gap - self.period, 0.0), self.timeout)
             self._doubt_time(gap)
         if held > 0.0:
-            liquids.hold(
-                self._stores, self._motion, held, self._table, self._joints, self._points,
-                *self._carrier.arrays, self._chosen,
-            )  # fmt: skip
-            self._state[layout.BOUND] = math.inf  # nobody has verified the stop from here
+            self._hold(held)
         if lead <= 0.0:
             self._due_ns, lead = now_ns, 0.0
         uneven = held + abs(lead - self._usual)
@@ -346,6 +344,34 @@ class Governor:
             self._unknown.shift(self.period * uneven * felt[:, :2], Cause.LATE)
         share = usual_share(self.period, first_period(self.model))
         self._usual += share * (lead - self._usual)
+
+    def _hold(self, seconds: float) -> None:
+        """Advances motion and liquids by a time [s] in which the robot holds its velocity.
+
+        Its acceleration is zero then, and before and behind that of the motion.
+        """
+        before = self._chosen.copy()
+        self._feel(at_rate=False)
+        liquids.hold(
+            self._stores, self._motion, seconds, self._table, self._joints, self._points,
+            *self._carrier.arrays, self._chosen,
+        )  # fmt: skip
+        self._chosen[:] = before
+        self._feel(at_rate=True)
+        self._state[layout.BOUND] = math.inf  # nobody has verified the stop from here
+
+    def _feel(self, *, at_rate: bool) -> None:
+        """Lets the liquids feel at once the motion's acceleration, or that at a steady velocity."""
+        if len(self._joints):
+            motion = self._motion.copy()
+            motion[layout.RATE] *= at_rate
+            liquids.feel(self._joints, self._points, motion, self._chosen)
+        else:
+            self._chosen *= at_rate
+        for number, store in enumerate(self._stores):
+            row = self._table[number // layout.MODELS]
+            felt = self._chosen[int(row[layout.POINT])]
+            model_kernel.step(store[: int(row[layout.SIZE])], 0.0, *felt.tolist())
 
     def _doubt_time(self, gap: float) -> None:
         """Adds to the unknown wave what may have happened in a time that may be another one [s]."""
