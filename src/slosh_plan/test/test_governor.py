@@ -215,7 +215,7 @@ def test_a_copy_tells_how_it_will_stop():
     assert 0.2 < 0.01 * len(told) <= begun[-1].rest + 0.01
 
 
-def test_an_observed_state_replaces_its_own():
+def test_an_observed_state_near_the_models_is_taken_and_adds_its_distance():
     truth = Model(CUP.container, natural_frequency=CUP.mode_frequency(1) * 1.02,
                   effects=CUP.effects)  # fmt: skip
     governor = Governor(CUP, LIMITS, at_rest=True)
@@ -223,12 +223,14 @@ def test_an_observed_state_replaces_its_own():
     rows = np.concatenate([np.zeros((1, 3)), [one.acceleration for one in moved]])
     response, _ = simulate(truth, Inputs(0.01 * np.arange(151), rows))
     assert moved[-1].liquid_ns == 0
-    open_margin = moved[-1].margin
+    assert moved[-1].unknown == 0.0
     # 30 ms late: of after 147 steps.
     governor.see(SeenLiquid(147 * PERIOD_NS + 1, response.modal[147], 1e-5, 1.02))
     (after,) = run(governor, [(0.3, 0.0, 0.0)], 151)
     assert after.liquid_ns == 147 * PERIOD_NS + 1
-    assert after.margin < open_margin
+    # The eight liquids already comprise this one, but for what lies between two of them.
+    assert 0.0 < after.unknown < 0.05 * LIMITS.height
+    assert after.safe
 
 
 @pytest.mark.parametrize(

@@ -7,12 +7,12 @@ import pytest
 
 from slosh_model import Cylinder, Model, Simulator
 from slosh_model.constants import GRAVITY
+from slosh_model.tray import Tray, TrayContainer
 from slosh_plan.governor import Command, Governor, ModelDoubt, SeenLiquid
 from slosh_plan.governor.cups import cups_of, reserve_of, steps_of, table_of
 from slosh_plan.governor.layout import PARTS_OF_ROW
 from slosh_plan.governor.unknown import Cause, UnknownWave
 from slosh_plan.planning.limits import PlanLimits
-from slosh_model.tray import Tray, TrayContainer
 
 PERIOD_NS = 10_000_000
 LIMITS = PlanLimits(0.012, acceleration=6.0, jerk=74.0)
@@ -154,7 +154,7 @@ LIES = {
     "mirrored": lambda states: states[-1] * [-1.0, 1.0, -1.0, 1.0],
     "turned": lambda states: states[-1][:, [1, 0, 3, 2]] * [-1.0, 1.0, -1.0, 1.0],
     "half": lambda states: 0.5 * states[-1],
-    "frozen": lambda states: states[min(len(states) - 1, 100)],
+    "frozen": lambda states: states[min(len(states) - 1, 30)],
 }
 
 
