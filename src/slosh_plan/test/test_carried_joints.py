@@ -151,7 +151,9 @@ def test_out_of_reach_the_joint_is_named_and_the_way_back_is_free(arm):
 
 
 def test_a_way_that_no_joint_can_go_is_refused(arm):
-    moved = run(Governor(CUP, LIMITS, carrier=arm, at_rest=True), [Command(0, (0.0, 0.0, 0.1))] * 50)
+    moved = run(
+        Governor(CUP, LIMITS, carrier=arm, at_rest=True), [Command(0, (0.0, 0.0, 0.1))] * 50
+    )
     assert np.abs([one.velocity for one in moved]).max() == 0.0
     assert moved[-1].refused_by.endswith(": reach or singularity")
     assert (moved[-1].share, moved[-1].state) == (0.0, GovernorState.LIMITED)

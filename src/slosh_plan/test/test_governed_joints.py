@@ -136,13 +136,17 @@ def test_targets_are_reached_and_velocities_followed(arm):
     assert moved[-1].joints[2] == pytest.approx(goal, abs=2e-3)
     (place,), _ = arm.arm.poses(arm.limits.names, np.array([goal]))
     assert moved[-1].position == pytest.approx(place, abs=5e-3)
-    moved = run(Governor(CUP, LIMITS, arm=arm, at_rest=True), [Command(0, (0.05, 0.0, 0.0, 0.0))] * 100)
+    moved = run(
+        Governor(CUP, LIMITS, arm=arm, at_rest=True), [Command(0, (0.05, 0.0, 0.0, 0.0))] * 100
+    )
     assert moved[-1].joints[0] == pytest.approx((0.05, 0.0, 0.0, 0.0), abs=1e-3)
 
 
 def test_a_tilted_cup_rests_with_a_level_surface(arm):
     tilted = arm.at(np.array([0.1, 0.3, -0.4, 0.12]))
-    governor = Governor(CUP, PlanLimits(0.015, acceleration=6.0, jerk=74.0), arm=tilted, at_rest=True)
+    governor = Governor(
+        CUP, PlanLimits(0.015, acceleration=6.0, jerk=74.0), arm=tilted, at_rest=True
+    )
     moved = run(governor, [Command(0, (0.0,) * 4)] * 100)
     # The first mode's part of R tan 0.12 stands over the mark on the wall, and does not swing.
     assert {round(one.peak, 4) for one in moved} == {round(moved[0].peak, 4)}

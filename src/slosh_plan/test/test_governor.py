@@ -136,7 +136,9 @@ def test_a_slow_command_is_followed_whole_and_a_fast_one_in_part():
     assert fast[-1].velocity[0] == pytest.approx(0.6, abs=0.06)
     assert max(one.peak for one in fast) <= LIMITS.height
     # A model that is sure needs no margin for others, and is not slower.
-    sure = run(Governor(CUP, LIMITS, doubt=ModelDoubt(0.0, 1.0), at_rest=True), [(0.6, 0.0, 0.0)] * 200)
+    sure = run(
+        Governor(CUP, LIMITS, doubt=ModelDoubt(0.0, 1.0), at_rest=True), [(0.6, 0.0, 0.0)] * 200
+    )
     assert np.mean([one.margin for one in sure]) < 0.6 * np.mean([one.margin for one in fast])
     assert sure[60].position[0] > fast[60].position[0]
 

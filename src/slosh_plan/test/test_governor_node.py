@@ -44,7 +44,14 @@ class Cell(Graph):
 
     def __init__(self, model: Any, **given: Any) -> None:
         super().__init__(executor=SingleThreadedExecutor())
-        values = {"model": str(model), "limit": LIMIT, "rate": RATE, "timeout": 1.0, **given}
+        values = {
+            "model": str(model),
+            "limit": LIMIT,
+            "rate": RATE,
+            "timeout": 1.0,
+            "starts_at_rest": True,
+            **given,
+        }
         self.governor = self.with_parameters(GovernorNode, **values)
         self.moved = self.listen(GovernedMotion, topics.GOVERNED_MOTION)
         self.safe = self.listen(TwistStamped, topics.SAFE_TWIST)

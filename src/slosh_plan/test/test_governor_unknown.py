@@ -89,9 +89,7 @@ def test_a_governor_that_starts_is_not_safe_until_the_largest_wave_has_decayed()
 
 def test_vertical_motion_pumps_an_unknown_wave_as_it_pumps_the_liquid():
     """Of all phases the highest wave is that of the bound."""
-    model = Model(
-        CUP.container, damping_ratio=1e-4, effects=CUP.effects, natural_frequency=OMEGA
-    )
+    model = Model(CUP.container, damping_ratio=1e-4, effects=CUP.effects, natural_frequency=OMEGA)
     unknown = UnknownWave(cups(model), ModelDoubt(0.0, 1.0))
     unknown.add(np.array([1e-4]), Cause.START)
     t = np.arange(2000) * 0.001

@@ -1,9 +1,9 @@
 """Waves that may be in the containers beside those that the governor's models compute.
 
-A liquid whose state was not known at the start, or has become unknown, may have a free wave beside
-the computed one. Of it a bound is known, and that it oscillates and decays. The bound is an ellipse
-of displacement and velocity, so that vertical accelerations, which pump waves, change it as they
-change the wave. A shift is one of which place and time are known, and its size at most.
+A liquid whose state was not known at the start, or has become unknown, may have a free wave
+beside the computed one. Of it a bound is known, and that it oscillates and decays. The bound is an
+ellipse of displacement and velocity: vertical accelerations, which pump waves, change it as they
+change the wave. A shift is a wave of which direction and time are known, and the most of its size.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ class UnknownWave:
             self.bound(int(cup), float(self.largest[cup]), self.cause)
 
     def shift(self, moved: Array, cause: Cause) -> None:
-        """Adds the waves of displacements (C, 2) [m] of which not more is known than their size."""
+        """Adds the waves of displacements (C, 2) [m], each at most as large as given."""
         self._because(np.abs(moved).max(axis=1), cause)
         self._shift[:, 0] += (self._gains * moved).T[:, :, np.newaxis]
         self._measure()
@@ -158,7 +158,9 @@ def largest_wave(cup: Cup) -> float:
     return steepest if rim is None else min(rim, steepest)
 
 
-def wave_heights(stores: Array, size: int, modal: Array | None = None, scales: Array | None = None) -> Array:
+def wave_heights(
+    stores: Array, size: int, modal: Array | None = None, scales: Array | None = None
+) -> Array:
     """Returns the heights (M,) [m] that free waves of models may reach, or of their difference.
 
     Args:
@@ -173,9 +175,7 @@ def wave_heights(stores: Array, size: int, modal: Array | None = None, scales: A
     other = np.zeros((1, 4)) if modal is None else modal
     factor = np.ones((len(stores), 1)) if scales is None else scales[:, np.newaxis]
     omega, ratio = modes["natural_frequency"], modes["frequency_ratio"]
-    x = np.hypot(
-        factor * other[:, 0] - modes["x"], (factor * other[:, 2] - modes["vx"]) / omega
-    )
+    x = np.hypot(factor * other[:, 0] - modes["x"], (factor * other[:, 2] - modes["vx"]) / omega)
     y = np.hypot(
         factor * other[:, 1] - modes["y"], (factor * other[:, 3] - modes["vy"]) / (omega * ratio)
     )
