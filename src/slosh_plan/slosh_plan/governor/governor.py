@@ -506,11 +506,15 @@ class Governor:
         looked, extra = self._told == self._told, self._table[:, layout.EXTRA]
         np.copyto(self._uses, self._told, where=looked)
         np.copyto(self._own, self._told[:, layout.PEAK] - extra, where=looked[:, layout.PEAK])
-        unknown = np.maximum(extra, self._unknown.heights)
-        peaks = np.maximum(self._own, 0.0) + unknown
-        safe = safe and bool((peaks[unknown > extra] <= self._table[unknown > extra, 0]).all())
+        unknown = self._unknown.heights
+        peaks, limits = np.maximum(self._own, 0.0) + unknown, self._table[:, layout.LIMIT]
+        uses = self._uses[:, layout.SLIP :].max(axis=1)
+        # Unsafe by the height that an unknown wave may gain is still safe; so are waves that leave
+        # more room than what is kept for the motion.
+        safe = safe or bool(looked[:, layout.PEAK].all() and (uses <= 1.0).all())
+        safe = safe and bool((peaks <= limits).all())
         safe = safe and not any(unknown[k] > extra[k] for k in self._loose)
-        shares = np.maximum(self._uses[:, layout.SLIP :].max(axis=1), peaks / self._table[:, 0])
+        shares = np.maximum(uses, peaks / limits)
         worst = int(shares.argmax()) if len(self._cups) > 1 else 0
         peak, nominal = float(peaks[worst]), float(self._uses[worst, layout.NOMINAL])
         friction = tipping = math.nan
