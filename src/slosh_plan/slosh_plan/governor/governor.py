@@ -28,7 +28,14 @@ from slosh_plan.governor.commands import (
 from slosh_plan.governor.past import PastLiquid
 from slosh_plan.governor.robot_arm import NO_JOINTS, GovernedArm
 from slosh_plan.governor.seen import Witness, refusal
-from slosh_plan.governor.unknown import Cause, UnknownWave, usual_share, wave_heights
+from slosh_plan.governor.unknown import (
+    Cause,
+    UnknownWave,
+    advanced,
+    measured,
+    usual_share,
+    wave_heights,
+)
 from slosh_plan.heights import first_period
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.trajectory import FARTHEST
@@ -161,7 +168,7 @@ class Governor:
         self._reason, self._lost = StopReason.NONE, False
         self._joint_start: tuple[float, ...] = ()
         self._last: Governed | None = None
-        for one in (kernel.govern, liquids.hold, tip, model_kernel.step):
+        for one in (kernel.govern, liquids.hold, tip, advanced, measured, model_kernel.step):
             one.load()
 
     def take(self, command: Command) -> None:
@@ -329,7 +336,7 @@ class Governor:
         felt = 0.5 * (self._felt + self._chosen)[points]
         gap = (now_ns - self._made_ns) / SECOND
         known = 0.0 < gap <= TUNING.governor_late * self.period
-        self._unknown.advance(gap if known else self.period, felt[:, 2])
+        self._unknown.advance(gap if known else self.period, felt[:, 2].copy())
         lead = (self._due_ns - now_ns) / SECOND
         held = min(max(-lead, 0.0), self.timeout)
         if not known:

@@ -13,7 +13,15 @@ from collections.abc import Sequence
 from enum import StrEnum
 
 import numpy as np
+from numba.types import float64, void
 
+from slosh_base.compiled.compilation import (
+    CHANGED_3,
+    GIVEN_1,
+    GIVEN_2,
+    GIVEN_3,
+    entry_point,
+)
 from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
 from slosh_model.layout import MODE, divided
@@ -65,11 +73,12 @@ class UnknownWave:
             ]
         ) * factors[0] / doubt.damping  # fmt: skip
         runs = [divided(store_of(cup.model))[0][0] for cup in cups]
-        self._lift = np.array([float(run["lift"]) for run in runs])[:, np.newaxis]
+        self._lift = np.array([float(run["lift"]) for run in runs])
         self._gains = np.array([cup.gains for cup in cups])
         self.largest = np.array([largest_wave(cup) for cup in cups])
         self._ellipse = np.zeros((*self._omega.shape, 3))
-        self._shift = np.zeros((2, 2, *self._omega.shape))  # along x and y; displacement, velocity
+        # Displacement along x, its velocity by the frequency, the same along y.
+        self._shift = np.zeros((*self._omega.shape, 4))
         self.heights, self.cause = np.zeros(len(cups)), Cause.NONE
 
     def waited(self, seconds: float) -> Array:
@@ -81,23 +90,9 @@ class UnknownWave:
         """Advances the waves by a time [s] with vertical accelerations (C,) [m/s²]."""
         if not self.heights.any():
             return
-        lift = self._lift * vertical[:, np.newaxis]
-        soft = np.sqrt(np.maximum(1.0 + lift / GRAVITY, SOFTEST))
-        angle = self._omega * soft * seconds
-        left = np.exp(-self._decay * seconds)[:, np.newaxis]
-        a, b = left * np.cos(angle), left * np.sin(angle) / soft
-        c = -left * np.sin(angle) * soft
-        p, q, r = np.moveaxis(self._ellipse, -1, 0)
-        self._ellipse = np.stack(
-            [
-                a * a * p + 2.0 * a * b * q + b * b * r,
-                a * c * p + (a * a + b * c) * q + a * b * r,
-                c * c * p + 2.0 * a * c * q + a * a * r,
-            ],
-            axis=-1,
+        advanced(
+            self._ellipse, self._shift, self._omega, self._decay, self._lift, vertical, seconds
         )
-        x, v = self._shift[:, 0].copy(), self._shift[:, 1].copy()
-        self._shift[:, 0], self._shift[:, 1] = a * x + b * v, c * x + a * v
         self._measure()
 
     def add(self, heights: Array, cause: Cause) -> None:
@@ -117,7 +112,7 @@ class UnknownWave:
     def shift(self, moved: Array, cause: Cause) -> None:
         """Adds the waves of displacements (C, 2) [m], each at most as large as given."""
         self._because(np.abs(moved).max(axis=1), cause)
-        self._shift[:, 0] += (self._gains * moved).T[:, :, np.newaxis]
+        self._shift[:, :, ::2] += (self._gains * moved)[:, np.newaxis]
         self._measure()
         for cup in np.flatnonzero(self.heights > self.largest):
             self.bound(int(cup), float(self.largest[cup]), self.cause)
@@ -127,7 +122,7 @@ class UnknownWave:
         if height > self.heights[cup]:
             self.cause = cause
         self._ellipse[cup] = height * height * np.array([1.0, 0.0, 1.0])
-        self._shift[:, :, cup] = 0.0
+        self._shift[cup] = 0.0
         self._measure()
 
     def _because(self, heights: Array, cause: Cause) -> None:
@@ -140,11 +135,54 @@ class UnknownWave:
         return found
 
     def _measure(self) -> None:
-        shifted = np.sqrt((self._shift**2).sum(axis=(0, 1)))
-        self.heights = (self._radius() + shifted).max(axis=1)
-        self.heights[self.heights < TUNING.governor_still] = 0.0
-        if not self.heights.any():
+        heights = measured(self._ellipse, self._shift)
+        heights[heights < TUNING.governor_still] = 0.0
+        self.heights = heights
+        if not heights.any():
             self._ellipse[:], self._shift[:], self.cause = 0.0, 0.0, Cause.NONE
+
+
+@entry_point(void(CHANGED_3, CHANGED_3, GIVEN_2, GIVEN_1, GIVEN_1, GIVEN_1, float64))
+def advanced(ellipses, shifts, omega, decay, lift, vertical, seconds):  # type: ignore[no-untyped-def]
+    """Advances unknown waves, each as a free wave of one frequency.
+
+    Args:
+        ellipses: (C, V, 3) of displacement and velocity by the frequency; changed.
+        shifts: (C, V, 4) the same along x and y; changed.
+        omega: (C, V) frequencies [rad/s].
+        decay, lift: (C,) rates of decay [1/s]; 1 where the vertical acceleration acts.
+        vertical: (C,) acceleration [m/s²].
+        seconds: time [s].
+    """
+    for n in range(omega.shape[0]):
+        soft = math.sqrt(max(1.0 + lift[n] * vertical[n] / GRAVITY, SOFTEST))
+        left = math.exp(-decay[n] * seconds)
+        for k in range(omega.shape[1]):
+            angle = omega[n, k] * soft * seconds
+            a, b = left * math.cos(angle), left * math.sin(angle) / soft
+            c = -left * math.sin(angle) * soft
+            p, q, r = ellipses[n, k, 0], ellipses[n, k, 1], ellipses[n, k, 2]
+            ellipses[n, k, 0] = a * a * p + 2.0 * a * b * q + b * b * r
+            ellipses[n, k, 1] = a * c * p + (a * a + b * c) * q + a * b * r
+            ellipses[n, k, 2] = c * c * p + 2.0 * a * c * q + a * a * r
+            for axis in range(0, 4, 2):
+                x, v = shifts[n, k, axis], shifts[n, k, axis + 1]
+                shifts[n, k, axis], shifts[n, k, axis + 1] = a * x + b * v, c * x + a * v
+
+
+@entry_point(float64[::1](GIVEN_3, GIVEN_3))
+def measured(ellipses, shifts):  # type: ignore[no-untyped-def]
+    """Returns the heights (C,) [m] of unknown waves at most; arguments as `advanced`."""
+    heights = np.zeros(ellipses.shape[0])
+    for n in range(ellipses.shape[0]):
+        for k in range(ellipses.shape[1]):
+            p, q, r = ellipses[n, k, 0], ellipses[n, k, 1], ellipses[n, k, 2]
+            size = math.sqrt(0.5 * (p + r) + math.sqrt(0.25 * (p - r) * (p - r) + q * q))
+            square = 0.0
+            for axis in range(4):
+                square += shifts[n, k, axis] * shifts[n, k, axis]
+            heights[n] = max(heights[n], size + math.sqrt(square))
+    return heights
 
 
 def largest_wave(cup: Cup) -> float:
