@@ -43,7 +43,7 @@ class GovernedBag(LiveBag):
         self.states = True
 
     def _made(self):
-        return governor_of(self.model, VALUES)
+        return governor_of(self.model, VALUES, at_rest=True)
 
     def _files(self):
         return {}
@@ -110,6 +110,10 @@ class GovernedBag(LiveBag):
             worst_container=moved.worst, friction_use=moved.friction, tipping_use=moved.tipping,
             refused_by=moved.refused_by,
             target_velocity=np.array(moved.wanted[0]), target=np.array(moved.wanted[1]),
+            unknown_wave=moved.unknown, unknown_because=moved.unknown_cause,
+            unknown_since=self._types["builtin_interfaces/msg/Time"](
+                *divmod(moved.unknown_since_ns, 1_000_000_000)
+            ),
             joint_names=[], joint_position=rows[2], joint_velocity=rows[0],
             joint_acceleration=rows[1], joint_start=np.array(moved.joint_start, dtype=float),
         )  # fmt: skip
@@ -122,7 +126,9 @@ class CarriedBag(GovernedBag):
     def _made(self):
         link = Arm(self._files()["urdf"], ROBOT["tool_frame"])
         self.reasons = set()
-        return governor_of(self.model, ROBOT, arm_of(CarryingRobot(link), CARRYING, ROBOT))
+        return governor_of(
+            self.model, ROBOT, arm_of(CarryingRobot(link), CARRYING, ROBOT), at_rest=True
+        )
 
     def _files(self):
         return {"urdf": (Path(__file__).resolve().parents[3] / "examples/robot.urdf").read_text()}

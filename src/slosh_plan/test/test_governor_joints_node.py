@@ -64,6 +64,7 @@ class Cell(Graph):
         super().__init__(executor=SingleThreadedExecutor())
         self.governor = self.with_parameters(
             GovernorNode, model=str(model), limit=0.012, rate=20.0, timeout=1.0, command=command,
+            starts_at_rest=True,
             urdf=str(URDF), tool_frame="cup",
         )  # fmt: skip
         self.make, desired, safe = KINDS[command]
@@ -114,7 +115,9 @@ def test_it_moves_the_joints_of_a_robot_from_where_they_are(model: Path, command
         assert list(moved.target) == [0.5, 0.5, -0.4, 0.0]
         assert moved.joint_position[0] > 0.2
         assert moved.joint_position[1] > 0.35
-        assert all(one.safe and one.peak <= 0.012 for one in cell.moved)
+        # Where a step comes late the stop that is held may not be one any more, and is told so.
+        assert all(one.safe == (one.peak <= 0.012) for one in cell.moved)
+        assert np.mean([one.safe for one in cell.moved]) > 0.8
         cell.until(lambda: len(cell.safe) >= len(cell.moved))
         assert _places(cell.safe[-1])[0] == pytest.approx(moved.joint_position[0], abs=0.1)
         stops = cell.listen(JointTrajectory, topics.STOP_JOINT_TRAJECTORY, qos.EVENT)
@@ -136,6 +139,7 @@ class CarriedCell(Graph):
         super().__init__(executor=SingleThreadedExecutor())
         self.governor = self.with_parameters(
             GovernorNode, model=str(model), limit=0.012, rate=20.0, timeout=1.0, urdf=str(URDF),
+            starts_at_rest=True,
             tool_frame="cup",
         )  # fmt: skip
         self.moved = self.listen(GovernedMotion, topics.GOVERNED_MOTION)

@@ -21,7 +21,7 @@ from slosh_model.model_text import format_model, parse_model
 from slosh_msgs.msg import ContainerChange, FusedEstimate, GovernedMotion
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
-from slosh_msgs_py.node.diagnostics import OK, WARN
+from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN
 from slosh_msgs_py.stamps import to_nanoseconds
 from slosh_plan.governor import Governor, SeenLiquid
 from slosh_plan.governor.parameters import governor_of, velocity_command
@@ -44,7 +44,14 @@ class Cell(Graph):
 
     def __init__(self, model: Any, **given: Any) -> None:
         super().__init__(executor=SingleThreadedExecutor())
-        values = {"model": str(model), "limit": LIMIT, "rate": RATE, "timeout": 1.0, **given}
+        values = {
+            "model": str(model),
+            "limit": LIMIT,
+            "rate": RATE,
+            "timeout": 1.0,
+            "starts_at_rest": True,
+            **given,
+        }
         self.governor = self.with_parameters(GovernorNode, **values)
         self.moved = self.listen(GovernedMotion, topics.GOVERNED_MOTION)
         self.safe = self.listen(TwistStamped, topics.SAFE_TWIST)
@@ -148,7 +155,8 @@ def test_an_emergency_stop_holds_until_it_is_released(cell: Cell) -> None:
         one for one in cell.moved
         if to_nanoseconds(one.header.stamp) == to_nanoseconds(stops[0].header.stamp)
     )  # fmt: skip
-    assert gone - begun.position[0] == pytest.approx(told, abs=1e-9)
+    # A step that comes late is a longer way.
+    assert gone - begun.position[0] == pytest.approx(told, abs=0.003)
     assert cell.follow(0.2, 5).velocity[0] == 0.0
     assert cell.call(Trigger, topics.RELEASE_STOP, Trigger.Request()).success
     assert cell.follow(0.2, 20).velocity[0] > 0.05
@@ -209,29 +217,79 @@ def tray_text() -> str:
     ]})  # fmt: skip
 
 
-def test_a_tray_is_governed_by_its_worst_container(cell: Cell) -> None:
+def test_a_tray_is_governed_by_its_worst_container(model: Any, tmp_path: Any) -> None:
+    path = tmp_path / "tray.yaml"
+    path.write_text(tray_text())
+    cell = Cell(path)
+    try:
+        cell.follow(0.5, 40)
+        moved = [one for one in cell.moved if one.steps]
+        assert {one.worst_container for one in moved} == {"left", "right"}
+        assert max(max(one.friction_use, one.tipping_use) for one in moved if one.safe) <= 1.0
+        assert max(one.friction_use for one in moved) > 0.8
+        # Friction holds 0.1 g: more than that the tray never gets.
+        assert max(abs(one.acceleration[0]) for one in moved) < 0.981
+        assert moved[-1].velocity[0] > 0.2
+    finally:
+        cell.close()
+
+
+def test_a_tray_that_is_put_in_is_not_known(cell: Cell) -> None:
     change = cell.publisher(ContainerChange, topics.CONTAINER, qos.LATCHED_STREAM)
     cell.follow(0.1, 10)
     change.publish(filled(ContainerChange, present=True, model=TEXT, tray=tray_text()))
     cell.until(lambda: not math.isnan(cell.moved[-1].friction_use))
-    count = len(cell.moved)
-    cell.follow(0.5, 40)
-    moved = [one for one in cell.moved[count:] if one.steps]
-    assert {one.worst_container for one in moved} == {"left", "right"}
-    assert all(one.safe and max(one.friction_use, one.tipping_use) <= 1.0 for one in moved)
-    assert max(one.friction_use for one in moved) > 0.8
-    # Friction holds 0.1 g: more than that the tray never gets.
-    assert max(abs(one.acceleration[0]) for one in moved) < 0.981
-    assert moved[-1].velocity[0] > 0.2
+    cell.follow(0.5, 10)
+    assert not cell.moved[-1].safe
+    assert cell.moved[-1].unknown_because == "the liquid's state at the start is not known"
+    level, text = cell.governor._health()
+    assert level == ERROR
+    assert "since the liquid's state at the start is not known" in text
     cell.follow(0.0, 2)
     change.publish(filled(ContainerChange, present=False, model=TEXT, tray=""))
     cell.until(lambda: cell.moved[-1].worst_container == "")
 
 
+def test_the_same_container_told_again_changes_nothing(cell: Cell) -> None:
+    change = cell.publisher(ContainerChange, topics.CONTAINER, qos.LATCHED_STREAM)
+    cell.follow(0.1, 10)
+    same = filled(ContainerChange, present=True, model=format_model(MODEL), limit=math.nan)
+    change.publish(same)
+    heard = cell.governor._container._follows
+    cell.until(lambda: cell.governor._container._follows or heard)
+    core, steps = cell.governor._core, cell.moved[-1].steps
+    moved = cell.follow(0.1, 20)
+    assert cell.governor._core is core
+    assert moved.steps >= steps + 20
+    assert moved.reason == GovernedMotion.NONE
+    assert moved.velocity[0] > 0.05
+
+
+def test_an_impossible_fused_state_is_named_and_the_node_goes_on(cell: Cell) -> None:
+    fused = cell.publisher(FusedEstimate, topics.FUSED_ESTIMATE)
+    cell.follow(0.1, 10)
+    message = filled(
+        FusedEstimate, stamp_ns=to_nanoseconds(cell.moved[-1].header.stamp), trusted=True,
+        modal_position=[0.0, 0.0], modal_velocity=[0.0, 0.0], msh_stddev=-1.0,
+        frequency_factor=1.0,
+    )  # fmt: skip
+    fused.publish(message)
+    cell.until(lambda: cell.governor._unseen)
+    assert "msh_stddev = -1 m must not be negative" in cell.governor._unseen
+    message.msh_stddev, message.modal_position = 1e-4, [math.nan]
+    fused.publish(message)
+    cell.until(lambda: "lengths" in cell.governor._unseen)
+    assert cell.governor._report.counts["fused_estimate refused"] == 2
+    moved = cell.follow(0.1, 10)
+    assert moved.velocity[0] > 0.05
+    assert to_nanoseconds(moved.liquid_stamp) == 0
+    assert "is not used" in cell.governor._health()[1]
+
+
 def test_the_core_gives_the_same(cell: Cell) -> None:
     cell.follow(0.3, 15)
     values = dict(cell.governor._values)
-    core = governor_of(MODEL, values)
+    core = governor_of(MODEL, values, at_rest=True)
     taken = {to_nanoseconds(one.header.stamp) for one in cell.safe}
     assert taken
     assert isinstance(core, Governor)

@@ -133,7 +133,7 @@ def run(arguments: argparse.Namespace) -> int:
         )  # fmt: skip
     if arguments.governor:
         commanded_velocity(motion)
-        setup = replace(setup, govern=topics.TWIST)
+        setup = replace(setup, govern=topics.TWIST, at_rest=True)
         given |= {"govern": str(TUNING.governor_rate)}
     if arguments.force:
         setup = replace(

@@ -58,6 +58,7 @@ class CellSetup:
             recorder's parameter of that name; empty: as the recorder's parameters have it.
         govern: kind of the commands that the governor limits, of topics.COMMANDING; empty: it is
             not started.
+        at_rest: whether the liquid is known to be at rest when the governor starts.
     """
 
     model: Path
@@ -73,6 +74,7 @@ class CellSetup:
     hardware_id: str = ""
     cameras: Mapping[str, Path] = field(default_factory=dict)
     govern: str = ""
+    at_rest: bool = False
     store_motions: str = ""
 
     @property
@@ -105,6 +107,8 @@ class CellSetup:
         if self.govern:
             robot = {key: self.reading[key] for key in ROBOT if key in self.reading}
             own["governor"] = {"model": str(self.model), "command": self.govern, **robot}
+            if self.at_rest:
+                own["governor"]["starts_at_rest"] = "true"
         names = [name for name in NODES_OF_A_CELL if name in own]
         for container, name in self.camera_nodes.items():
             own[name] = {"calibration": str(self.cameras[container]), "container": container}
