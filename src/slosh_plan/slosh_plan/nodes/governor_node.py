@@ -27,16 +27,24 @@ from slosh_msgs_py.node.prepared import PreparedNode
 from slosh_msgs_py.node.readiness import Progress
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
+from slosh_msgs_py.node.silence import SilentTopic
 from slosh_msgs_py.stamps import to_nanoseconds
 from slosh_plan.errors import SloshPlanError
-from slosh_plan.governor import Command, Governed, Governor, GovernorState, SeenLiquid
+from slosh_plan.governor import (
+    Command,
+    Governed,
+    Governor,
+    GovernorState,
+    SeenLiquid,
+    StopReason,
+)
 from slosh_plan.governor.parameters import arm_of, governor_of
 from slosh_plan.nodes.governor_messages import (
     governed_message,
-    pose_command,
+    motion_command,
     safe_twist,
     stop_message,
-    twist_command,
+    why,
 )
 from slosh_plan.nodes.governor_parameters import PARAMETERS
 from slosh_plan.nodes.held_container import ContainerWatch
@@ -79,7 +87,7 @@ class GovernorNode(PreparedNode):
         )
         self._core: Governor | None = None
         self._moved: Governed | None = None
-        self._waits, self._refused = False, ""
+        self._waits, self._refused, self._frame = False, "", ""
         self._seconds: deque[float] = deque(maxlen=1000)
         self._watch(self._health, self._facts)
         self._get_ready(later=later)
@@ -113,8 +121,9 @@ class GovernorNode(PreparedNode):
             self.create_subscription(
                 JointState, topics.JOINT_STATES, self._joints.hear, qos.STREAM_IN
             )
-        topic = topics.COMMANDING[values["command"]].name
-        self.create_subscription(kind, topic, self._on_command, qos.STREAM_IN)
+        wanted = topics.COMMANDING[values["command"]]
+        self.create_subscription(kind, wanted.name, self._on_command, qos.STREAM_IN)
+        self._silence = SilentTopic(self, wanted.name, wanted.type)
         self.create_subscription(
             FusedEstimate, topics.FUSED_ESTIMATE, self._on_fused, qos.STREAM_IN
         )
@@ -130,7 +139,9 @@ class GovernorNode(PreparedNode):
             arm = None
             if not self._joints.missing:
                 arm = arm_of(self._robot, self._joints.places, self._values)
-            self._core = governor_of(held, self._values, arm)
+            before, self._core = self._core, governor_of(held, self._values, arm)
+            if before is not None:
+                self._core.go_on(before)
             self._refused = ""
         except SloshPlanError as error:
             self._core, self._refused = None, str(error)
@@ -141,14 +152,14 @@ class GovernorNode(PreparedNode):
         self._report.counts["command"] += 1
         if self._core is None or self._joints.missing:
             return
+        self._silence.heard()
         if self._of_joints is not None:
             command: Command = self._of_joints.command(
                 message, self._names, self._values["values"]
             )
-        elif isinstance(message, TwistStamped):
-            command = twist_command(message)
         else:
-            command = pose_command(message)
+            self._frame = message.header.frame_id
+            command = motion_command(message, self._values["world_frame"])
         self._core.take(command)
 
     def _on_fused(self, message: FusedEstimate) -> None:
@@ -257,7 +268,8 @@ class GovernorNode(PreparedNode):
             return WARN, self._joints.waiting
         moved = self._moved
         if moved is None or not moved.steps:
-            return (WARN, self._lost) if self._lost else (OK, "no command yet")
+            waits = self._lost or self._silence.misfit()
+            return (WARN, waits) if waits else (OK, "no command yet")
         if not moved.safe:
             return ERROR, (
                 f"no stop keeps the limits: the best found reaches {1e3 * moved.peak:.3g} of "
@@ -269,8 +281,16 @@ class GovernorNode(PreparedNode):
         if moved.refused_by:
             doing += f", {moved.refused_by}"
         if moved.state is GovernorState.STOPPING or moved.reason:
-            return WARN, f"{doing}: {moved.reason.name.lower()}"
+            return WARN, f"{doing}: {moved.reason.name.lower()}{self._why(moved)}"
         return OK, doing
+
+    def _why(self, moved: Governed) -> str:
+        """Says why it stops, after a colon; empty where the reason says all."""
+        frames = self._frame, self._values["world_frame"]
+        text = why(moved, self._silence.full_name, frames)
+        if moved.reason is StopReason.SILENT:
+            text = self._silence.misfit() or text
+        return text and f": {text}"
 
     def _facts(self) -> dict[str, Any]:
         times = np.array(self._seconds or [0.0])
