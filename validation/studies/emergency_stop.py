@@ -53,7 +53,7 @@ def moving(seed: int) -> tuple[Governor, list[Governed], np.random.Generator] | 
     """Returns a governor during a random motion, or None if the motion is too slow."""
     rng = np.random.default_rng(seed)
     stream = drawn(rng)
-    governor, told = Governor(stream.model, stream.limits, period=PERIOD), []
+    governor, told = Governor(stream.model, stream.limits, period=PERIOD, at_rest=True), []
     for step, row in enumerate(stream.commands[: int(rng.integers(50, COMMANDS))], 1):
         if np.isfinite(row).all():
             governor.take(Command(round(step * TURN), tuple(row)))

@@ -162,7 +162,9 @@ LOADS = {
 
 def governor_of(load: Load, period: float) -> Governor:
     """Creates the governor of a test case, with a step period [s]."""
-    return Governor(load.tray, load.limits, period=period, arm=load.arm, carrier=load.carrier)
+    return Governor(
+        load.tray, load.limits, period=period, arm=load.arm, carrier=load.carrier, at_rest=True
+    )
 
 
 def begun(load: Load, steps: int) -> tuple[Governor, list[Governed]]:

@@ -120,7 +120,7 @@ def governed(
     stream: Stream, limits: PlanLimits, truth: Model | None, rng: np.random.Generator
 ) -> tuple[Array, Array, Array]:
     """Returns velocity, acceleration (N, 3) and height margin (N,) of a governed motion."""
-    governor = Governor(stream.model, limits, period=PERIOD)
+    governor = Governor(stream.model, limits, period=PERIOD, at_rest=True)
     liquid = None if truth is None else Simulator(truth)
     error = np.zeros(4)
     told: list[Governed] = []
@@ -154,7 +154,7 @@ def governed(
 
 def unevenly_governed(stream: Stream, rng: np.random.Generator) -> tuple[Array, Inputs, Array]:
     """Returns velocity at each command (N, 3), the motion, and height margins (M,)."""
-    governor = Governor(stream.model, stream.limits, period=PERIOD)
+    governor = Governor(stream.model, stream.limits, period=PERIOD, at_rest=True)
     cup = GovernedCup(stream.model, 1.0 / FINE, PERIOD)
     many = np.where(rng.random(4 * COMMANDS) < rng.uniform(0.0, 0.2), 2, 1)
     times = PERIOD * (np.cumsum(many) + rng.uniform(0.0, 0.2, len(many)))

@@ -273,6 +273,7 @@ class Stream:
         if kind == MOVING:
             self._disturb()
             self._wait()
+        self._uneven = rng.random(3) if kind == UNEVEN else np.zeros(3)
 
     def run(self) -> Told:
         """Runs the stream until the robot rests after its commands."""
@@ -320,11 +321,12 @@ class Stream:
 
     def _pause(self) -> float:
         """Draws the time until the next step [s]."""
-        rng = self._rng
+        rng, (jitter, late, left_out) = self._rng, self._uneven
         if self._kind != UNEVEN:
             return self._period
-        late = rng.uniform(0.0, 8.0) if rng.random() < 0.05 else 0.0
-        return self._period * (rng.uniform(0.6, 1.4) + late + (rng.random() < 0.1))
+        delay = rng.uniform(0.0, 8.0) if rng.random() < 0.05 * late else 0.0
+        apart = 1.0 + 0.4 * jitter * rng.uniform(-1.0, 1.0) + (rng.random() < 0.1 * left_out)
+        return float(self._period * (apart + delay))
 
     def _take(self, number: int) -> None:
         """Sends a command to the governor; some have invalid numbers."""

@@ -9,6 +9,13 @@ from independent_liquid import GRAVITY, Liquids, Vessel
 
 CUP, TANK = Vessel(0.06, radius=0.04), Vessel(0.05, width=0.1, depth=0.07)
 REST = np.zeros(3)
+SEEDS = {
+    study.PLAIN: (16, 46), study.UNEVEN: (10, 18), study.CLOCK: (6, 16), study.NUMBERS: (6, 16),
+    study.AGAIN: (2, 8), study.OTHER: (6, 10), study.KILLED: (6, 10), study.MOVING: (2, 18),
+    "its stddev −1": (6, 12), "its factor 0": (8, 12), "its stamps 0.1 s early": (2, 12),
+    "its states at half scale": (8, 10), "its states frozen": (2, 6),
+}  # fmt: skip
+"""Streams of each kind; of those of others the first two."""
 
 
 @pytest.mark.parametrize("vessel", [CUP, TANK], ids=["cup", "tank"])
@@ -46,7 +53,7 @@ def test_a_constant_acceleration_holds_the_surface_normal_to_gravity(vessel, fre
 @pytest.mark.parametrize("kind", study.KINDS)
 def test_no_liquid_exceeds_its_limit_while_the_governor_says_safe(kind):
     """Runs streams that exceed it where the governor believes what it does not know."""
-    told = [study.run(kind, seed) for seed in SEEDS[kind]]
+    told = [study.run(kind, seed) for seed in SEEDS.get(kind, (0, 2))]
     ran = [one for one in told if not one.refused]
     assert ran
     assert max(one.safe for one in ran) <= 1.0

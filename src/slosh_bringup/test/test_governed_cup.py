@@ -103,7 +103,7 @@ def test_a_motion_that_turns_cannot_be_commanded():
 
 def test_a_governed_cup_stays_below_the_limit_that_its_commands_exceed(truth):
     model, motion = read_model(config_folder() / "model.yaml"), make_motion("c", 1.0 / PERIOD)
-    governor = Governor(model, PlanLimits(LIMIT, LIMIT), period=PERIOD)
+    governor = Governor(model, PlanLimits(LIMIT, LIMIT), period=PERIOD, at_rest=True)
     cup = GovernedCup(truth, RATE, PERIOD)
     for step, velocity in enumerate(commanded_velocity(motion).tolist(), start=1):
         governor.take(Command(step * NANOSECONDS, tuple(velocity)))
@@ -128,7 +128,9 @@ def test_steps_that_come_late_early_or_not_at_all_keep_the_limit(truth, clock, s
     motion = make_motion("c")
     velocity = commanded_velocity(motion)
     many = np.where(np.random.default_rng(1).random(900) < share, 2, 1)
-    governor = Governor(truth, PlanLimits(LIMIT, acceleration=6.0, jerk=200.0), period=PERIOD)
+    governor = Governor(
+        truth, PlanLimits(LIMIT, acceleration=6.0, jerk=200.0), period=PERIOD, at_rest=True
+    )
     cup = GovernedCup(truth, 500.0, PERIOD)
     for t in (clock * PERIOD * np.cumsum(many)).tolist():
         now = round(1e9 * (1.0 + t))

@@ -43,7 +43,7 @@ class GovernedBag(LiveBag):
         self.states = True
 
     def _made(self):
-        return governor_of(self.model, VALUES)
+        return governor_of(self.model, VALUES, at_rest=True)
 
     def _files(self):
         return {}
@@ -98,7 +98,7 @@ class GovernedBag(LiveBag):
 
     def _tell(self, moved, now, log_ns):
         rows = np.array(moved.joints).reshape(3, -1)
-        sec, nanosec = divmod(moved.liquid_ns, 1_000_000_000)
+        time = self._types["builtin_interfaces/msg/Time"]
         self._put(
             GOVERNED, now, log_ns, velocity=np.array(moved.velocity),
             acceleration=np.array(moved.acceleration), position=np.array(moved.position),
@@ -106,7 +106,9 @@ class GovernedBag(LiveBag):
             safe=moved.safe, peak=moved.peak, margin=moved.margin, limit=moved.limit,
             stop_duration=moved.rest, command_age=moved.age, steps=moved.steps,
             commands_taken=moved.commands,
-            liquid_stamp=self._types["builtin_interfaces/msg/Time"](sec, nanosec),
+            liquid_stamp=time(*divmod(moved.liquid_ns, 1_000_000_000)),
+            unknown_wave=moved.unknown, unknown_because=moved.unknown_cause,
+            unknown_since=time(*divmod(moved.unknown_since_ns, 1_000_000_000)),
             worst_container=moved.worst, friction_use=moved.friction, tipping_use=moved.tipping,
             refused_by=moved.refused_by,
             target_velocity=np.array(moved.wanted[0]), target=np.array(moved.wanted[1]),
@@ -122,7 +124,9 @@ class CarriedBag(GovernedBag):
     def _made(self):
         link = Arm(self._files()["urdf"], ROBOT["tool_frame"])
         self.reasons = set()
-        return governor_of(self.model, ROBOT, arm_of(CarryingRobot(link), CARRYING, ROBOT))
+        return governor_of(
+            self.model, ROBOT, arm_of(CarryingRobot(link), CARRYING, ROBOT), at_rest=True
+        )
 
     def _files(self):
         return {"urdf": (Path(__file__).resolve().parents[3] / "examples/robot.urdf").read_text()}

@@ -133,6 +133,7 @@ class PlanTuning:
     governor_phase: float = number(0.2, "rad", "phase of the fastest mode between two rows, ωh")
     governor_tail: float = number(0.6, "period", "periods of the first mode after a stop")
     governor_tilted_tail: float = number(1.1, "period", "the same where the container may tilt")
+    governor_modes_tail: float = number(2.0, "period", "the same for models with several modes")
     governor_first: float = number(2.0, "period", "duration of the first stop, in its periods")
     governor_least: float = number(
         16.0, "step", "duration of the shortest stop while a command is followed"
@@ -148,7 +149,16 @@ class PlanTuning:
     governor_enough: float = number(0.9, "1", "part of the limit below which stops are alike")
     governor_haste: float = number(0.3, "1/s", "part of the limit that a second of a stop costs")
     governor_past: int = number(256, "1", "steps that an observed state may be behind")
-    governor_stddevs: float = number(4.0, "σ", "by which an observed height is raised")
+    # governor/unknown.py and governor/seen.py
+    governor_unknown: float = number(
+        0.5, "1", "part of the limit that is left to an unknown wave; more of it is not safe"
+    )
+    governor_grain: float = number(0.02, "1", "steps of an unknown wave, by the limit")
+    governor_still: float = number(1e-7, "m", "height below which an unknown wave is none")
+    governor_nudged: float = number(1e-3, "m", "way by which others have moved a container")
+    governor_memory: float = number(5.0, "period", "time over which an observer is proven")
+    governor_driven: float = number(0.1, "1", "driven wave that proves one, by the limit")
+    governor_unlike: float = number(0.35, "1", "part of it that may be missed")
     governor_pull: float = number(4.0, "1/s", "speed towards a target by the distance")
     governor_beyond: float = number(
         0.1, "rad", "joint target so far beyond its limits is taken as at them"

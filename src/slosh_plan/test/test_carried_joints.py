@@ -80,7 +80,7 @@ def joints_of(moved):
 @pytest.mark.parametrize("urdf", [URDF, REDUNDANT], ids=["square", "redundant"])
 def test_the_joints_carry_the_container_along(urdf):
     arm = robot(urdf)
-    moved = run(Governor(CUP, LIMITS, carrier=arm), velocities(3))
+    moved = run(Governor(CUP, LIMITS, carrier=arm, at_rest=True), velocities(3))
     rate, change, place = joints_of(moved)
     names = arm.limits.names
     positions, turns = arm.arm.poses(names, np.array([arm.start, *place]))
@@ -99,7 +99,7 @@ def test_the_joints_carry_the_container_along(urdf):
 
 
 def test_where_a_step_is_left_out_joints_and_container_go_on_at_their_velocity(arm):
-    governor = Governor(CUP, LIMITS, carrier=arm)
+    governor = Governor(CUP, LIMITS, carrier=arm, at_rest=True)
     before = run(governor, [Command(0, (0.2, 0.1, 0.0))] * 20)[-1]
     now = round(22 * PERIOD * 1e9)
     governor.take(Command(now, (0.2, 0.1, 0.0)))
@@ -120,7 +120,7 @@ def test_joints_and_liquid_keep_their_limits(arm, seed, to_targets):
     if to_targets:
         places = np.cumsum([one.velocity for one in commands], axis=0) * PERIOD
         commands = [Command(0, (), tuple(row)) for row in places.tolist()]
-    governor = Governor(CUP, LIMITS, carrier=arm)
+    governor = Governor(CUP, LIMITS, carrier=arm, at_rest=True)
     moved = run(governor, commands)
     moved += governor.stopped()
     assert all(one.safe for one in moved)
@@ -138,7 +138,7 @@ def test_joints_and_liquid_keep_their_limits(arm, seed, to_targets):
 
 
 def test_out_of_reach_the_joint_is_named_and_the_way_back_is_free(arm):
-    governor = Governor(CUP, LIMITS, carrier=arm)
+    governor = Governor(CUP, LIMITS, carrier=arm, at_rest=True)
     # The arm is 0.9 m long, and its rail is along y.
     moved = run(governor, [Command(0, (0.5, 0.0, 0.0))] * 300)
     (place,), _ = arm.arm.poses(arm.limits.names, np.array(moved[-1].joints[2:]))
@@ -151,14 +151,16 @@ def test_out_of_reach_the_joint_is_named_and_the_way_back_is_free(arm):
 
 
 def test_a_way_that_no_joint_can_go_is_refused(arm):
-    moved = run(Governor(CUP, LIMITS, carrier=arm), [Command(0, (0.0, 0.0, 0.1))] * 50)
+    moved = run(
+        Governor(CUP, LIMITS, carrier=arm, at_rest=True), [Command(0, (0.0, 0.0, 0.1))] * 50
+    )
     assert np.abs([one.velocity for one in moved]).max() == 0.0
     assert moved[-1].refused_by.endswith(": reach or singularity")
     assert (moved[-1].share, moved[-1].state) == (0.0, GovernorState.LIMITED)
 
 
 def test_a_stop_in_motion_keeps_the_limits_of_the_joints(arm):
-    governor = Governor(CUP, LIMITS, carrier=arm)
+    governor = Governor(CUP, LIMITS, carrier=arm, at_rest=True)
     moved = run(governor, [Command(0, (-0.4, 0.5, 0.0))] * 60)
     told = copy.deepcopy(governor).stopped()
     governor.stop()
@@ -171,7 +173,7 @@ def test_a_stop_in_motion_keeps_the_limits_of_the_joints(arm):
 
 
 def test_at_rest_the_joints_go_on_from_where_they_were_measured(arm):
-    governor = Governor(CUP, LIMITS, carrier=arm)
+    governor = Governor(CUP, LIMITS, carrier=arm, at_rest=True)
     assert governor.locate(arm.start) == ""
     run(governor, [Command(0, (0.0, 0.0, 0.0))] * 3)
     there = arm.start + np.array([0.2, 0.1, -0.1, 0.0])
@@ -182,14 +184,14 @@ def test_at_rest_the_joints_go_on_from_where_they_were_measured(arm):
     (moved,) = run(governor, [Command(0, (0.1, 0.0, 0.0))], 5)
     assert moved.joint_start == ()
     # The same steps follow from the recorded start alone.
-    again = Governor(CUP, LIMITS, carrier=arm)
+    again = Governor(CUP, LIMITS, carrier=arm, at_rest=True)
     run(again, [Command(0, (0.0, 0.0, 0.0))] * 3)
     again.locate(there)
     assert run(again, [Command(0, (0.1, 0.0, 0.0))] * 2, 4)[-1].joints == moved.joints
 
 
 def test_a_robot_that_strays_is_a_stop_until_it_rests(arm):
-    governor = Governor(CUP, LIMITS, carrier=arm)
+    governor = Governor(CUP, LIMITS, carrier=arm, at_rest=True)
     on = [Command(0, (-0.2, 0.0, 0.0))]
     run(governor, on * 30)
     assert governor.locate(governor.joints[2] + 0.05) == ""  # it lags
@@ -216,14 +218,14 @@ def test_a_robot_that_strays_is_a_stop_until_it_rests(arm):
 )
 def test_impossible_starts_are_refused(places, words):
     with pytest.raises(SloshPlanError, match=words):
-        Governor(CUP, LIMITS, carrier=robot(**places))
+        Governor(CUP, LIMITS, carrier=robot(**places), at_rest=True)
 
 
 def test_joints_far_from_their_limits_change_nothing(arm):
     commands = [Command(0, (0.05, 0.02, 0.0))] * 60
     slow = PlanLimits(0.012, acceleration=1.0, jerk=10.0)
-    free = run(Governor(CUP, slow), commands)
-    held = run(Governor(CUP, slow, carrier=arm), commands)
+    free = run(Governor(CUP, slow, at_rest=True), commands)
+    held = run(Governor(CUP, slow, carrier=arm, at_rest=True), commands)
     assert free[-1].joints == ()
     assert [one.velocity for one in free] == [one.velocity for one in held]
     assert {one.refused_by for one in held} == {""}

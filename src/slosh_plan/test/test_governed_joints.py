@@ -90,7 +90,7 @@ def motion_of(arm, moved):
 @settings(max_examples=3, deadline=None)
 @given(seed=st.integers(0, 10_000), frequency=st.floats(-0.03, 0.03), damping=st.floats(-1.0, 1.0))
 def test_joints_and_liquid_keep_their_limits(arm, seed, frequency, damping):
-    governor = Governor(CUP, LIMITS, arm=arm)
+    governor = Governor(CUP, LIMITS, arm=arm, at_rest=True)
     moved = run(governor, targets(seed))
     moved += governor.stopped()
     assert all(one.safe for one in moved)
@@ -130,19 +130,23 @@ def test_a_link_feels_what_pinocchio_says(arm):
 
 
 def test_targets_are_reached_and_velocities_followed(arm):
-    governor = Governor(CUP, LIMITS, arm=arm)
+    governor = Governor(CUP, LIMITS, arm=arm, at_rest=True)
     goal = (0.3, 0.5, -0.2, 0.02)
     moved = run(governor, [Command(0, (), goal)] * 500)
     assert moved[-1].joints[2] == pytest.approx(goal, abs=2e-3)
     (place,), _ = arm.arm.poses(arm.limits.names, np.array([goal]))
     assert moved[-1].position == pytest.approx(place, abs=5e-3)
-    moved = run(Governor(CUP, LIMITS, arm=arm), [Command(0, (0.05, 0.0, 0.0, 0.0))] * 100)
+    moved = run(
+        Governor(CUP, LIMITS, arm=arm, at_rest=True), [Command(0, (0.05, 0.0, 0.0, 0.0))] * 100
+    )
     assert moved[-1].joints[0] == pytest.approx((0.05, 0.0, 0.0, 0.0), abs=1e-3)
 
 
 def test_a_tilted_cup_rests_with_a_level_surface(arm):
     tilted = arm.at(np.array([0.1, 0.3, -0.4, 0.12]))
-    governor = Governor(CUP, PlanLimits(0.015, acceleration=6.0, jerk=74.0), arm=tilted)
+    governor = Governor(
+        CUP, PlanLimits(0.015, acceleration=6.0, jerk=74.0), arm=tilted, at_rest=True
+    )
     moved = run(governor, [Command(0, (0.0,) * 4)] * 100)
     # The first mode's part of R tan 0.12 stands over the mark on the wall, and does not swing.
     assert {round(one.peak, 4) for one in moved} == {round(moved[0].peak, 4)}
@@ -154,7 +158,7 @@ def test_a_tilted_cup_rests_with_a_level_surface(arm):
 
 
 def test_a_stop_in_motion_keeps_the_limits_of_the_joints(arm):
-    governor = Governor(CUP, LIMITS, arm=arm)
+    governor = Governor(CUP, LIMITS, arm=arm, at_rest=True)
     moved = run(governor, [Command(0, (0.5, 0.8, -0.5, 0.0))] * 60)
     told = copy.deepcopy(governor).stopped()
     governor.stop()
@@ -169,7 +173,7 @@ def test_a_stop_in_motion_keeps_the_limits_of_the_joints(arm):
     "bad", [(math.nan, 0.0, 0.0, 0.0), (0.0, 90.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
 )
 def test_unusable_targets_are_a_stop(arm, bad):
-    governor = Governor(CUP, LIMITS, arm=arm)
+    governor = Governor(CUP, LIMITS, arm=arm, at_rest=True)
     run(governor, [Command(0, (0.1, 0.0, 0.0, 0.0))] * 30)
     (moved,) = run(governor, [Command(0, (), bad)], 31)
     assert (moved.state, moved.reason) == (GovernorState.STOPPING, StopReason.INVALID)
@@ -179,8 +183,8 @@ def test_a_tray_that_turns_drives_each_cup_by_its_place(arm):
     cups = [TrayContainer(name, CUP, place) for name, place in
             (("near", (0.0, 0.0, 0.0)), ("far", (0.35, 0.0, 0.0)))]  # fmt: skip
     spin = [Command(0, (0.0, 1.2, 0.0, 0.0))] * 80
-    both = run(Governor(Tray(tuple(cups)), LIMITS, arm=arm), spin)
-    near = run(Governor(Tray(tuple(cups[:1])), LIMITS, arm=arm), spin)
+    both = run(Governor(Tray(tuple(cups)), LIMITS, arm=arm, at_rest=True), spin)
+    near = run(Governor(Tray(tuple(cups[:1])), LIMITS, arm=arm, at_rest=True), spin)
     assert {one.worst for one in both} >= {"far"}
     assert both[-1].joints[2][1] < near[-1].joints[2][1]
 

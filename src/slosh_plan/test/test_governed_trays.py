@@ -59,7 +59,7 @@ def inputs_of(moved):
 @settings(max_examples=4, deadline=None)
 @given(seed=st.integers(0, 10_000), frequency=st.floats(-0.03, 0.03), damping=st.floats(-1.0, 1.0))
 def test_every_cup_keeps_its_height_and_stands(seed, frequency, damping):
-    moved = run(Governor(Tray(CUPS), LIMITS), seed)
+    moved = run(Governor(Tray(CUPS), LIMITS, at_rest=True), seed)
     assert all(one.safe for one in moved)
     inputs = inputs_of(moved)
     for cup in CUPS:
@@ -76,7 +76,7 @@ def test_every_cup_keeps_its_height_and_stands(seed, frequency, damping):
 
 def test_without_what_holds_them_cups_would_slide_or_tip():
     held = tuple(replace(cup, standing=None) for cup in CUPS)
-    moved = run(Governor(Tray(held), LIMITS), 7)
+    moved = run(Governor(Tray(held), LIMITS, at_rest=True), 7)
     uses = [
         standing_use(cup.model, cup.standing, inputs_of(moved)) for cup in CUPS if cup.standing
     ]
@@ -86,7 +86,7 @@ def test_without_what_holds_them_cups_would_slide_or_tip():
 
 
 def test_the_answer_names_the_worst_and_says_how_much_is_used():
-    moved = run(Governor(Tray(CUPS), LIMITS), 7)
+    moved = run(Governor(Tray(CUPS), LIMITS, at_rest=True), 7)
     by_name = {cup.name: cup for cup in CUPS}
     assert len({one.worst for one in moved}) > 1
     for one in moved:
@@ -96,16 +96,16 @@ def test_the_answer_names_the_worst_and_says_how_much_is_used():
 
 
 def test_one_cup_on_a_tray_is_governed_as_by_itself_and_equal_ones_as_one():
-    alone = run(Governor(WIDE, replace(LIMITS, height=0.018, residual=0.018)), 2, 60)
+    alone = run(Governor(WIDE, replace(LIMITS, height=0.018, residual=0.018), at_rest=True), 2, 60)
     for count in (1, 4):
         cups = [replace(CUPS[0], name=str(number)) for number in range(count)]
-        tray = run(Governor(Tray(tuple(cups)), LIMITS), 2, 60)
+        tray = run(Governor(Tray(tuple(cups)), LIMITS, at_rest=True), 2, 60)
         assert [one.acceleration for one in tray] == [one.acceleration for one in alone]
 
 
 def test_a_smaller_share_of_friction_is_slower():
-    half = run(Governor(Tray(CUPS), replace(LIMITS, friction=0.5, tipping=0.5)), 7)
-    full = run(Governor(Tray(CUPS), LIMITS), 7)
+    half = run(Governor(Tray(CUPS), replace(LIMITS, friction=0.5, tipping=0.5), at_rest=True), 7)
+    full = run(Governor(Tray(CUPS), LIMITS, at_rest=True), 7)
     fastest = [max(np.linalg.norm(one.acceleration) for one in moved) for moved in (half, full)]
     assert fastest[0] < 0.8 * fastest[1]
 
@@ -114,8 +114,8 @@ def test_what_cannot_be_kept_is_named():
     twice = CUPS[1].model.with_effect("second_mode")
     tray = Tray((CUPS[0], replace(CUPS[1], model=twice)))
     with pytest.raises(SloshPlanError, match=r"slim: stands loosely: .* one mode"):
-        Governor(tray, LIMITS)
+        Governor(tray, LIMITS, at_rest=True)
     with pytest.raises(SloshPlanError, match="wide: the governor needs a limit"):
-        Governor(Tray((replace(CUPS[0], limit=math.nan),)), LIMITS)
+        Governor(Tray((replace(CUPS[0], limit=math.nan),)), LIMITS, at_rest=True)
     with pytest.raises(SloshPlanError, match="tray is empty"):
-        Governor(Tray((replace(CUPS[0], empty=True),)), LIMITS)
+        Governor(Tray((replace(CUPS[0], empty=True),)), LIMITS, at_rest=True)

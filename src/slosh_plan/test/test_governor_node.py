@@ -45,7 +45,10 @@ class Cell(Graph):
 
     def __init__(self, model: Any, **given: Any) -> None:
         super().__init__(executor=SingleThreadedExecutor())
-        values = {"model": str(model), "limit": LIMIT, "rate": RATE, "timeout": 1.0, **given}
+        values = {
+            "model": str(model), "limit": LIMIT, "rate": RATE, "timeout": 1.0,
+            "starts_at_rest": True, **given,
+        }  # fmt: skip
         self.governor = self.with_parameters(GovernorNode, **values)
         self.moved = self.listen(GovernedMotion, topics.GOVERNED_MOTION)
         self.safe = self.listen(TwistStamped, topics.SAFE_TWIST)
@@ -321,7 +324,7 @@ def test_a_tray_is_governed_by_its_worst_container(cell: Cell) -> None:
 def test_the_core_gives_the_same(cell: Cell) -> None:
     cell.follow(0.3, 15)
     values = dict(cell.governor._values)
-    core = governor_of(MODEL, values)
+    core = governor_of(MODEL, values, at_rest=True)
     taken = {to_nanoseconds(one.header.stamp) for one in cell.safe}
     assert taken
     assert isinstance(core, Governor)

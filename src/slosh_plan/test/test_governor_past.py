@@ -1,42 +1,56 @@
-"""Tests which of the governor's last steps a late observed state belongs to."""
+"""Tests what the governor knows of the liquid at past moments."""
 
 import numpy as np
 import pytest
 
+from slosh_model import Cylinder, Model
+from slosh_model.layout import divided
+from slosh_model.simulate import Simulator
 from slosh_plan.governor.past import PastLiquid
 from slosh_plan.tuning import TUNING
 
-
-def filled(stamps):
-    """Returns the past of steps whose states and accelerations are their numbers."""
-    past = PastLiquid(np.zeros((2, 3)))
-    for number, stamp in enumerate(stamps):
-        past.add(stamp, np.full((4, 5), number), np.full(3, number))
-    return past
+CUP = Model(Cylinder(0.05, 0.07))
+STEP = 10_000_000
 
 
-@pytest.mark.parametrize(("stamp", "count"), [(30, 1), (25, 1), (20, 2), (10, 3), (9, 0), (31, 0)])
-def test_steps_at_or_after_a_moment_are_counted(stamp, count):
-    assert filled([10, 20, 30]).since(stamp) == count
+def filled(count):
+    """Returns the past of a liquid in a jerked cup, and its displacements every millisecond."""
+    coarse, fine = Simulator(CUP), Simulator(CUP)
+    past, found = PastLiquid(coarse.store[np.newaxis]), [0.0]
+    for one in (coarse, fine):
+        one.step(0.0, 0.0, 0.0, 0.0)
+    for number in range(count):
+        past.add((number + 1) * STEP, coarse.store[np.newaxis], np.array([0.1 * number, 0.0, 0.0]))
+        for part in range(1, 11):
+            fine.step(0.001, 0.1 * number + 0.01 * part, 0.0, 0.0)
+            found.append(fine.modal[0, 0])
+        coarse.step(0.01, 0.1 * (number + 1), 0.0, 0.0)
+    return past, np.array(found)
 
 
-def test_nothing_is_known_before_the_first_step():
-    assert filled([]).since(5) == 0
+def displacement(past, stamp):
+    store = past.at(stamp)[0]
+    return divided(store)[1]["x"][0]
 
 
-def test_states_and_later_accelerations_are_found_again_when_old_ones_are_overwritten():
-    steps = TUNING.governor_past + 10
-    past = filled(range(steps))
-    assert past.since(9) == 0  # overwritten
-    count = past.since(steps - 20)
-    stores, felt = past.last(count)
-    assert count == 20
-    assert (stores == steps - 20).all()
-    assert felt[:-1, 0].tolist() == list(range(steps - 19, steps))
-    stores[:] = felt[:] = -1.0  # copies
-    assert (past.last(count)[0] == steps - 20).all()
+@pytest.mark.parametrize("ms", [0, 10, 13, 25, 89, 90])
+def test_the_state_at_a_moment_between_two_steps_is_simulated(ms):
+    past, found = filled(10)
+    assert displacement(past, STEP + ms * 1_000_000) == pytest.approx(found[ms], abs=1e-9)
+    # It is a copy.
+    past.at(STEP)[:] = 7.0
+    assert displacement(past, STEP) == 0.0
 
 
-def test_steps_before_a_clock_that_went_back_are_not_counted_again():
-    assert filled([10, 20, 30, 12, 22]).since(12) == 4
-    assert filled([10, 40, 15, 50]).since(20) == 1
+def test_moments_before_the_first_step_and_after_the_last_one_are_not_known():
+    past, _ = filled(3)
+    assert past.at(STEP - 1) is None
+    assert past.at(3 * STEP + 1) is None
+    assert PastLiquid(np.zeros((1, 3))).at(5) is None
+
+
+def test_old_steps_are_overwritten():
+    past, found = filled(TUNING.governor_past + 10)
+    assert past.at(5 * STEP) is None
+    last = TUNING.governor_past + 5
+    assert displacement(past, (last + 1) * STEP) == pytest.approx(found[10 * last], abs=1e-9)

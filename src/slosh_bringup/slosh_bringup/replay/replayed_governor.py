@@ -43,6 +43,8 @@ _AT_THE_DOOR = (StopReason.TURN, StopReason.FRAME)
 """Why the node refuses a command whose numbers it does not record."""
 STEPS, TAKEN, REASON, AGE = "steps", "commands_taken", "reason", "command_age"
 LIQUID = ("liquid_stamp.sec", "liquid_stamp.nanosec")
+SINCE = ("unknown_since.sec", "unknown_since.nanosec")
+"""Since when the unknown wave of the start decays; recordings without it began at rest."""
 STARTS = tuple(f"joint_start[{k}]" for k in range(MOST))
 """Measured positions from which carrying joints go on; older recordings have none."""
 _FIELDS = (
@@ -74,8 +76,9 @@ def governor_row() -> ReplayedNode:
         ReplayedGovernor,
         outputs=(
             NodeTopic(
-                GOVERNED_MOTION, _TYPES[GOVERNED_MOTION], (*_FIELDS, *LIQUID, *STARTS),
-                known=_FromTheStart(), later=dict.fromkeys(STARTS, math.nan),
+                GOVERNED_MOTION, _TYPES[GOVERNED_MOTION], (*_FIELDS, *LIQUID, *SINCE, *STARTS),
+                known=_FromTheStart(),
+                later=dict.fromkeys(STARTS, math.nan) | dict.fromkeys(SINCE, 0.0),
             ),
         ),
         needs_recorded=True,
@@ -90,6 +93,7 @@ class _Step(NamedTuple):
         step, taken: numbers of steps and commands.
         reason: why it stops.
         liquid_ns: stamp of the last fused estimate [ns].
+        since_ns: from when on the unknown wave of the start decays [ns]; 0: there was none.
         age: of the command in force [s].
         velocity, target: of the last command; NaN: not given.
         places: joint positions.
@@ -101,6 +105,7 @@ class _Step(NamedTuple):
     taken: int
     reason: int
     liquid_ns: int
+    since_ns: int
     age: float
     velocity: tuple[float, ...]
     target: tuple[float, ...]
@@ -164,6 +169,7 @@ class ReplayedGovernor:
             self._governor = _governor_of(self._start, self._places)
         except SloshPlanError:
             return  # the node refused these settings, too, and told so
+        self._governor.wait_since(step.since_ns)
         if before is not None and self._start.stamp_ns:  # not another process
             self._governor.go_on(before)
 
@@ -173,7 +179,7 @@ class ReplayedGovernor:
         if step.liquid_ns > self._liquid_ns:
             while self._liquids and self._liquids[0].stamp_ns < step.liquid_ns:
                 self._liquids.popleft()
-            if self._liquids and self._liquids[0].stamp_ns == step.liquid_ns:
+            while self._liquids and self._liquids[0].stamp_ns == step.liquid_ns:
                 governor.see(self._liquids.popleft())
         self._liquid_ns = step.liquid_ns
         governor.lose(lost=step.reason == StopReason.JOINTS)
@@ -205,7 +211,9 @@ def _steps(recorded: Messages) -> list[_Step]:
     if not len(recorded.stamps):
         return []
     columns = recorded.columns
-    sec, nanosec = (columns[name].astype(np.int64) for name in LIQUID)
+    liquid, since = (
+        [columns[name].astype(np.int64) for name in names] for names in (LIQUID, SINCE)
+    )
     whole = [columns[name].astype(np.int64).tolist() for name in (STEPS, TAKEN, REASON)]
     rows = [
         np.column_stack([columns[f"{name}[{k}]"] for k in range(MOST)]).tolist()
@@ -214,8 +222,9 @@ def _steps(recorded: Messages) -> list[_Step]:
     return [
         _Step(*numbers, *map(tuple, vectors))
         for *numbers, vectors in zip(
-            recorded.stamps.tolist(), *whole, (sec * SECOND + nanosec).tolist(),
-            columns[AGE].tolist(), zip(*rows, strict=True), strict=True,
+            recorded.stamps.tolist(), *whole, (liquid[0] * SECOND + liquid[1]).tolist(),
+            (since[0] * SECOND + since[1]).tolist(), columns[AGE].tolist(),
+            zip(*rows, strict=True), strict=True,
         )
     ]  # fmt: skip
 

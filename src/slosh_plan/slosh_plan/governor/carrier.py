@@ -66,6 +66,15 @@ class Carrier:
         self._refused[layout.HEAVIEST] = max(effort, 1.0 / TUNING.governor_slowest)
         self._goal[layout.ORIGIN :] -= origin
 
+    def way_to(self, places: Array) -> float:
+        """Returns the distance [m] from the container's present origin to that at joint positions."""
+        ends = []
+        for own in (self.joints[layout.PLACE], places):
+            pose = np.zeros(layout.ORIGIN + 3)
+            inverse.pose(self._links, own.copy(), self._ranges[layout.FASTEST], pose)
+            ends.append(pose[layout.ORIGIN :])
+        return float(np.linalg.norm(ends[1] - ends[0]))
+
     def differs(self, places: Array) -> bool:
         """Whether measured joint positions differ from the computed ones beyond a tolerance."""
         apart = np.abs(places - self.joints[layout.PLACE])

@@ -112,9 +112,9 @@ class Governed(NamedTuple):
         position: (3,) since the start; of joints in the axes of the robot's root [m].
         share: of the command that is followed, 0 … 1.
         state, reason: what the governor does, and why.
-        safe: whether the stop that is held keeps the limits for all models.
-        peak: highest height in the next step and the stop after it, over all models, of the
-            container that is nearest to its limits [m].
+        safe: whether the stop that is held keeps the limits for all models and unknown waves.
+        peak: highest height in the next step and the stop after it, over all models and with the
+            unknown wave, of the container that is nearest to its limits [m].
         margin: by how much that exceeds the nominal model's [m].
         limit: of this container's height [m].
         rest: time until the container rests, if it stops now [s].
@@ -131,6 +131,10 @@ class Governed(NamedTuple):
             no more of the command is followed; empty: none.
         joint_start: (J,) measured positions of the carrying joints, from which they go on with
             this step; empty: from where they were.
+        unknown: height of the wave that may be there beside the models', part of `peak` [m].
+        unknown_cause: why; empty: there is none.
+        unknown_since_ns: from when on the liquid's first, unknown wave decays [ns]; 0: it was at
+            rest when the governor began.
     """
 
     stamp_ns: int
@@ -156,3 +160,6 @@ class Governed(NamedTuple):
     wanted: tuple[tuple[float, ...], ...] = ()
     refused_by: str = ""
     joint_start: tuple[float, ...] = ()
+    unknown: float = 0.0
+    unknown_cause: str = ""
+    unknown_since_ns: int = 0

@@ -10,6 +10,7 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_model import kernel as model_kernel
+from slosh_model.constants import GRAVITY
 from slosh_model.layout import divided
 from slosh_model.model import Model
 from slosh_model.simulate import store_of
@@ -46,6 +47,17 @@ class Cup:
     limits: PlanLimits
     place: tuple[float, float, float]
     standing: Standing | None
+
+    @property
+    def gains(self) -> Array:
+        """Heights at the wall per displacement of the first mode along x and y [1]."""
+        mode = divided(store_of(self.model))[1][0]
+        return np.array([float(mode["height_gain"]), float(mode["height_gain_y"])])
+
+    @property
+    def fastest(self) -> float:
+        """Highest natural frequency of its modes [rad/s]."""
+        return max(mode.natural_frequency for mode in self.model.mode_constants())
 
     @property
     def points(self) -> tuple[Point, Point]:
@@ -99,10 +111,32 @@ def _cup(one: TrayContainer, limits: PlanLimits) -> Cup:
     return Cup(one.name, one.model.nonlinear(), own, place, one.standing)
 
 
-def spacing_of(cups: Sequence[Cup], period: float) -> tuple[int, float]:
-    """Returns steps per sample of a predicted stop, and the modes' highest frequency [rad/s]."""
-    fastest = max(mode.natural_frequency for cup in cups for mode in cup.model.mode_constants())
-    return max(math.floor(TUNING.governor_phase / fastest / period), 1), fastest
+def steps_of(cups: Sequence[Cup], period: float) -> int:
+    """Returns the steps of a `period` [s] per sample of a predicted stop."""
+    fastest = max(cup.fastest for cup in cups)
+    return max(math.floor(TUNING.governor_phase / fastest / period), 1)
+
+
+def reserve_of(cups: Sequence[Cup], spacing: float, error: float) -> float:
+    """Returns the part by which heights are raised: a crest between two samples is higher than both.
+
+    Samples are so near that it is never negative, at any rate and for any modes.
+
+    Args:
+        cups: the containers.
+        spacing: time of a row [s].
+        error: of the natural frequencies, relative.
+    """
+    phase = max(
+        spacing * cup.fastest * (1.0 + error) / _parts(cup, spacing, error) for cup in cups
+    )
+    return (1.0 + TUNING.governor_reserve) / math.cos(0.5 * phase) - 1.0
+
+
+def _parts(cup: Cup, spacing: float, error: float) -> int:
+    """Returns into how many samples a row is divided; see `uses.add_uses`."""
+    phase = spacing * cup.fastest * (1.0 + error)
+    return math.ceil(phase / (2.0 * TUNING.governor_phase))
 
 
 def stores_of(cups: Sequence[Cup], factors: Factors) -> Array:
@@ -114,12 +148,15 @@ def stores_of(cups: Sequence[Cup], factors: Factors) -> Array:
     return found
 
 
-def table_of(cups: Sequence[Cup], spacing: float, *, turns: bool) -> tuple[Array, Array]:
+def table_of(
+    cups: Sequence[Cup], spacing: float, error: float, *, turns: bool
+) -> tuple[Array, Array]:
     """Returns containers' parameters (C, CUP), and the points (P, 4) whose acceleration is used.
 
     Args:
         cups: the containers.
         spacing: time of a row [s].
+        error: of the natural frequencies, relative.
         turns: whether the tray turns; otherwise one point stands for all.
     """
     points: list[Point] = []
@@ -130,18 +167,19 @@ def table_of(cups: Sequence[Cup], spacing: float, *, turns: bool) -> tuple[Array
             if point not in points:
                 points.append(point)
             row[column] = points.index(point)
-        _fill(row, cup, spacing)
+        _fill(row, cup)
+        row[layout.PARTS_OF_ROW] = _parts(cup, spacing, error)
     return table, np.array(points)
 
 
-def _fill(row: Array, cup: Cup, spacing: float) -> None:
-    model = cup.model
-    fastest = max(mode.natural_frequency for mode in model.mode_constants())
-    row[layout.LIMIT], row[layout.SIZE] = cup.limits.height, len(store_of(model))
+def _fill(row: Array, cup: Cup) -> None:
+    model, store = cup.model, store_of(cup.model)
+    run, modes = divided(store)
+    row[layout.PUMP] = cup.fastest * float(run[0]["lift"]) / (2.0 * GRAVITY)
+    row[layout.LIMIT], row[layout.SIZE] = cup.limits.height, len(store)
     row[layout.WAVE] = kind_of(model)
     row[layout.DRIVEN] = bool(model.uses("drive"))
     row[layout.MODULATED] = bool(model.uses("modulation"))
-    row[layout.STEPS] = math.ceil(spacing * fastest / (2.0 * TUNING.governor_phase))
     if cup.standing is not None:
         masses = StandingMasses.of(model, cup.standing)
         row[layout.FRICTION] = cup.limits.friction * cup.standing.friction
@@ -149,6 +187,11 @@ def _fill(row: Array, cup: Cup, spacing: float) -> None:
         row[layout.CENTRE] = masses.centre_height
         row[layout.MASS_X : layout.MASS_Y + 1] = masses.modal[0] / masses.total
         row[layout.ARM_X : layout.ARM_Y + 1] = masses.heights[0]
+        stiffness = cup.fastest**2
+        moved = row[layout.MASS_X : layout.MASS_Y + 1] / cup.gains
+        moments = GRAVITY + np.abs(row[layout.ARM_X : layout.ARM_Y + 1]) * stiffness
+        row[layout.PUSH] = float((moved * stiffness).max())
+        row[layout.SWAY] = float((moved * moments).max())
 
 
 def _twin(model: Model, frequency: float, damping: float) -> Array:

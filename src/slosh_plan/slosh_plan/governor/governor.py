@@ -9,7 +9,7 @@ import numpy as np
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
-from slosh_model.layout import divided
+from slosh_model import kernel as model_kernel
 from slosh_model.model import Model
 from slosh_model.tray import Tray, TrayContainer
 from slosh_plan.errors import SloshPlanError
@@ -27,6 +27,8 @@ from slosh_plan.governor.commands import (
 )
 from slosh_plan.governor.past import PastLiquid
 from slosh_plan.governor.robot_arm import NO_JOINTS, GovernedArm
+from slosh_plan.governor.seen import Witness, refusal
+from slosh_plan.governor.unknown import Cause, UnknownWave, usual_share, wave_heights
 from slosh_plan.heights import first_period
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.trajectory import FARTHEST
@@ -41,14 +43,19 @@ AXES = 3
 class Governor:
     """Limits commanded motions so that the liquid stays below its limit; advances step by step.
 
-    The liquid is at rest at the first step. Each call makes one step of `period`. Where the steps
-    so far are late by a whole period, the robot has held its velocity for one: the liquid is
-    advanced by it first. Where they are early by one, the motion of the last step is repeated.
-    A step that comes late by itself is a reason to stop.
+    Unless the liquid is at rest at the first step it may have its largest wave then, which decays
+    from the first call on: `safe` is false until half of the limit is left for the motion, which
+    is all that is used meanwhile. Each call makes one step of `period`. Where a step is late, the
+    robot has held its velocity: the liquid is advanced by that time first. Where the steps are
+    early by a period, the motion of the last step is repeated. A step that comes late by itself is
+    a reason to stop. What the liquid may have done by uneven steps, a clock that jumps, or others
+    who move the container is added to the unknown wave, and so is what an observer tells
+    otherwise than the models. An observer that is proven to see the liquid bounds it.
 
     >>> from slosh_model import Model
     >>> from slosh_plan.planning.limits import PlanLimits
-    >>> governor = Governor(Model.from_cup(diameter=0.08, fill_height=0.06), PlanLimits(0.01))
+    >>> cup = Model.from_cup(diameter=0.08, fill_height=0.06)
+    >>> governor = Governor(cup, PlanLimits(0.01), at_rest=True)
     >>> governor.take(Command(0, (0.3, 0.0, 0.0)))
     >>> moved = governor.step(1_000_000)
     >>> moved.share, moved.safe
@@ -64,6 +71,7 @@ class Governor:
         arm: robot whose joints are commanded; None: x, y, z of the upright container are.
         carrier: robot that carries the upright container, in axes parallel to those of its root,
             and whose joints keep their limits; None: unknown. Not with `arm`.
+        at_rest: whether the liquids are at rest at the first step; else they are unknown.
 
     Attributes:
         model: the first container's NL twin.
@@ -85,6 +93,7 @@ class Governor:
         timeout: float = TUNING.governor_timeout,
         arm: GovernedArm | None = None,
         carrier: GovernedArm | None = None,
+        at_rest: bool = False,
     ) -> None:
         if not PERIODS[0] <= period <= PERIODS[1]:
             raise SloshPlanError(f"period = {period!r} s must lie in 0.001 … 0.05 s")
@@ -95,18 +104,21 @@ class Governor:
         self.model, self.limits = self._cups[0].model, self._cups[0].limits
         self.period, self.timeout, self.arm = period, timeout, arm
         self._carrier = Carrier(carrier)
-        factors = (doubt or ModelDoubt()).factors
-        self._frequencies = np.array([frequency for frequency, _ in factors])
+        doubt = doubt or ModelDoubt()
+        factors = doubt.factors
         self._stores = containers.stores_of(self._cups, factors)
-        per_row, fastest = containers.spacing_of(self._cups, period)
+        per_row = containers.steps_of(self._cups, period)
         spacing = per_row * period
         slowest = max(first_period(cup.model) for cup in self._cups)
         # Around the level of a tilted container a wave is highest once a period.
         tail = (TUNING.governor_tilted_tail if turns else TUNING.governor_tail) * slowest
-        # A crest between two rows is higher than both.
-        reserve = (1.0 + TUNING.governor_reserve) / math.cos(0.5 * spacing * fastest) - 1.0
+        if any(cup.model.modes > 1 for cup in self._cups):
+            tail = TUNING.governor_modes_tail * slowest  # until the crests of all modes have met
+        reserve = containers.reserve_of(self._cups, spacing, doubt.frequency)
         self._settings = _settings(limits, period, per_row, tail, reserve)
-        self._table, self._points = containers.table_of(self._cups, spacing, turns=turns)
+        self._table, self._points = containers.table_of(
+            self._cups, spacing, doubt.frequency, turns=turns
+        )
         self._joints = arm.chain if arm else NO_JOINTS
         size = len(arm.start) if arm else AXES
         free = np.array([[-math.inf], *[[math.inf]] * 4]) * np.ones(AXES)
@@ -128,18 +140,28 @@ class Governor:
         if arm is not None:
             self._motion[layout.PLACE] = arm.start
             self._settle()
-        self._past = PastLiquid(self._stores[: layout.MODELS, : int(self._table[0, layout.SIZE])])
+        self._size = int(self._table[0, layout.SIZE])
+        self._past = PastLiquid(self._stores[: layout.MODELS, : self._size])
+        self._unknown = UnknownWave(self._cups, doubt)
+        first = self._cups[0]
+        self._witness = Witness(
+            np.array([frequency for frequency, _ in factors]), first_period(first.model),
+            first.limits.height,
+        )  # fmt: skip
+        self._own, self._felt = np.zeros(len(self._cups)), np.zeros((len(self._points), AXES))
+        self._since_ns: int | None = 0 if at_rest else None
+        self._usual = 0.0
         self._command: Command | None = None
         self._latest = Command(0)
         self._came = False
         self._seen: SeenLiquid | None = None
         self._origin: Array | None = None
-        self._taken_ns = self._last_ns = self._due_ns = -(2**62)
+        self._taken_ns = self._last_ns = self._due_ns = self._made_ns = -(2**62)
         self._steps = self._commands = self._liquid_ns = 0
         self._reason, self._lost = StopReason.NONE, False
         self._joint_start: tuple[float, ...] = ()
         self._last: Governed | None = None
-        for one in (kernel.govern, liquids.relive, liquids.hold, tip):
+        for one in (kernel.govern, liquids.hold, tip, model_kernel.step):
             one.load()
 
     def take(self, command: Command) -> None:
@@ -148,9 +170,21 @@ class Governor:
         self._command = self._latest = command
         self._came = True
 
-    def see(self, liquid: SeenLiquid) -> None:
-        """Stores an observed state of the first container's liquid, which the next step uses."""
-        self._seen = liquid
+    def see(self, liquid: SeenLiquid) -> str:
+        """Stores an observed state of the first container's liquid, which the next step uses.
+
+        Returns:
+            why it is not used; empty: it is.
+        """
+        last = self._liquid_ns if self._seen is None else self._seen.stamp_ns
+        found = refusal(liquid, self.model.modes, last)
+        if not found and self._seen_cup:
+            self._seen = liquid
+        return found
+
+    def wait_since(self, stamp_ns: int) -> None:
+        """Sets since when the unknown wave of the start decays [ns]; 0: there is none."""
+        self._since_ns = stamp_ns
 
     def stop(self) -> None:
         """Requests a stop of the motion from the next step on, which lasts until `release`."""
@@ -166,9 +200,20 @@ class Governor:
         doubt = self._carrier.doubt(measured, rests=self.rests)
         self._lost = bool(doubt)
         if self.rests and not doubt and self._carrier.differs(measured):
+            self._nudge(self._carrier.way_to(measured))
             self._carrier.start_at(measured, self.place)
             self._joint_start = tuple(measured.tolist())
         return doubt
+
+    def _nudge(self, way: float) -> None:
+        """Others have moved the resting container: its liquids may have waves as high as the way."""
+        if way <= TUNING.governor_nudged:
+            return
+        if self._made_ns < 0:
+            self._since_ns = None
+            return
+        gains = np.array([cup.gains.max() for cup in self._cups])
+        self._unknown.add(np.minimum(gains * way, self._unknown.largest), Cause.MOVED)
 
     def lose(self, *, lost: bool) -> None:
         """Sets whether the joints' positions are unknown, which makes the governor stop."""
@@ -215,6 +260,13 @@ class Governor:
     def idle(self, now_ns: int) -> Governed:
         """Returns the result to publish before the first command: the container is at rest."""
         self._told[:] = 0.0
+        self._own[:] = 0.0
+        if self._since_ns is None:
+            self._since_ns = now_ns
+        if self._since_ns:
+            self._unknown.heights = self._unknown.waited((now_ns - self._since_ns) / SECOND)
+            self._unknown.cause = Cause.START
+        self._allow()
         told = self._governed(now_ns, share=0.0, safe=True)
         self._joint_start = ()
         return told._replace(state=GovernorState.RESTING)
@@ -233,13 +285,20 @@ class Governor:
                 stamp_ns=now_ns, reason=self._reason, steps=self._steps, commands=self._commands,
                 joint_start=(),
             )  # fmt: skip
-        self._make_up(now_ns)
+        if self._made_ns < 0:
+            self._begin(now_ns)
+        else:
+            self._make_up(now_ns)
+        self._made_ns = now_ns
+        self._due_ns += round(self.period * SECOND)
+        self._past.add(now_ns, self._stores, self._chosen[int(self._table[0, layout.POINT])])
         if self._seen is not None:
             self._use(self._seen)
             self._seen = None
+        self._allow()
         follow = self._reason is StopReason.NONE and self._command is not None
         wanted = self._velocity() if follow else np.zeros(self._motion.shape[1])
-        self._past.add(now_ns, self._stores, self._chosen[int(self._table[0, layout.POINT])])
+        self._felt[:] = self._chosen
         unsafe = kernel.govern(
             self._stores, self._stop, self._motion, self._state, wanted, follow, self._settings,
             self._bounds, self._table, self._joints, self._points, *self._carrier.arrays,
@@ -254,33 +313,111 @@ class Governor:
         self._last = told._replace(state=state)
         return self._last
 
+    def _begin(self, now_ns: int) -> None:
+        """Sets the unknown waves of the first step: the largest, decayed since the first call."""
+        self._due_ns = now_ns
+        if self._since_ns is None:
+            self._since_ns = now_ns
+        if self._since_ns:
+            waited = self._unknown.waited((now_ns - self._since_ns) / SECOND)
+            for cup, height in enumerate(waited.tolist()):
+                self._unknown.bound(cup, height, Cause.START)
+
     def _is_early(self, now_ns: int) -> bool:
         """Whether the steps so far are early by a period; not where the clock goes back."""
-        early = self._due_ns - now_ns > 0 and now_ns > self._last_ns
-        return early and not self.rests
+        early = self._due_ns - now_ns >= TUNING.governor_missed * self.period * SECOND
+        return early and now_ns > self._last_ns and not self.rests
 
     def _make_up(self, now_ns: int) -> None:
-        """Advances the liquid by the periods that the steps so far are late.
+        """Advances the liquid to the present; adds to the unknown wave what may be otherwise.
 
-        Not by more than `timeout`: then the robot stops by itself.
+        A robot may hold its velocity while a step is late, or reach the next one later: what lies
+        between is a displacement by the change of velocity in the delay. Where the time that has
+        passed is not known the waves may be at any phase, and the robot may have stopped.
         """
-        period_ns = round(self.period * SECOND)
-        self._due_ns += period_ns
-        missed = int((now_ns - self._due_ns) / period_ns + 1.0 - TUNING.governor_missed)
-        if self.rests or now_ns < self._due_ns - period_ns:
-            self._due_ns = now_ns
-            return
-        for _ in range(min(missed, round(self.timeout / self.period))):
-            point = int(self._table[0, layout.POINT])
-            self._past.add(self._due_ns, self._stores, self._chosen[point])
-            liquids.hold(
-                self._stores, self._motion, self.period, self._table, self._joints, self._points,
-                *self._carrier.arrays, self._chosen,
-            )  # fmt: skip
-            self._state[layout.BOUND] = math.inf  # nobody has verified the stop from here
-            self._due_ns += period_ns
-        if now_ns - self._due_ns > period_ns:
-            self._due_ns = now_ns
+        points = self._table[:, layout.POINT].astype(np.int64)
+        felt = 0.5 * (self._felt + self._chosen)[points]
+        gap = (now_ns - self._made_ns) / SECOND
+        known = 0.0 < gap <= TUNING.governor_late * self.period
+        self._unknown.advance(gap if known else self.period, felt[:, 2])
+        lead = (self._due_ns - now_ns) / SECOND
+        held = min(max(-lead, 0.0), self.timeout)
+        if not known:
+            lead, held = 0.0, min(max(gap - self.period, 0.0), self.timeout)
+            self._doubt_time(gap)
+        if held > 0.0:
+            self._hold(held)
+        if lead <= 0.0:
+            self._due_ns, lead = now_ns, 0.0
+        uneven = held + abs(lead - self._usual)
+        if uneven > 0.0 and felt[:, :2].any():
+            self._unknown.shift(self.period * uneven * felt[:, :2], Cause.LATE)
+        share = usual_share(self.period, first_period(self.model))
+        self._usual += share * (lead - self._usual)
+
+    def _hold(self, seconds: float) -> None:
+        """Advances motion and liquids by a time [s] in which the robot holds its velocity.
+
+        Its acceleration is zero then, and before and behind that of the motion.
+        """
+        before = self._chosen.copy()
+        self._feel(at_rate=False)
+        liquids.hold(
+            self._stores, self._motion, seconds, self._table, self._joints, self._points,
+            *self._carrier.arrays, self._chosen,
+        )  # fmt: skip
+        self._chosen[:] = before
+        self._feel(at_rate=True)
+        self._state[layout.BOUND] = math.inf  # nobody has verified the stop from here
+
+    def _feel(self, *, at_rate: bool) -> None:
+        """Lets the liquids feel at once the motion's acceleration, or that at a steady velocity."""
+        if len(self._joints):
+            motion = self._motion.copy()
+            motion[layout.RATE] *= at_rate
+            liquids.feel(self._joints, self._points, motion, self._chosen)
+        else:
+            self._chosen *= at_rate
+        for number, store in enumerate(self._stores):
+            row = self._table[number // layout.MODELS]
+            felt = self._chosen[int(row[layout.POINT])]
+            model_kernel.step(store[: int(row[layout.SIZE])], 0.0, *felt.tolist())
+
+    def _doubt_time(self, gap: float) -> None:
+        """Adds to the unknown wave what may have happened in a time that may be another one [s]."""
+        omega = np.array([cup.model.mode_constants()[0].natural_frequency for cup in self._cups])
+        waves = np.array(
+            [
+                wave_heights(
+                    self._stores[k * layout.MODELS : (k + 1) * layout.MODELS],
+                    int(self._table[k, layout.SIZE]),
+                ).max()
+                for k in range(len(self._cups))
+            ]
+        )
+        turned = omega * gap if gap > 0.0 else np.full(len(omega), math.pi)
+        more = 2.0 * waves * np.sin(0.5 * np.minimum(turned, math.pi))
+        if not self.rests and not 0.0 < gap <= self.timeout:
+            gains = np.array([cup.gains.max() for cup in self._cups])
+            speed = float(np.linalg.norm(self._moved()[layout.VELOCITY]))
+            more += gains * speed / omega
+        self._unknown.add(np.minimum(more, self._unknown.largest + waves), Cause.CLOCK)
+
+    def _allow(self) -> None:
+        """Raises the heights that the motion is judged by to those of the unknown waves.
+
+        At most up to a part of the limit, so that the container can move. In steps: a held stop
+        that is safe stays so where they change a little.
+        """
+        limit, extra = self._table[:, layout.LIMIT], self._table[:, layout.EXTRA]
+        grain, most = TUNING.governor_grain * limit, TUNING.governor_unknown * limit
+        heights = self._unknown.heights
+        wanted = np.where(heights > 0.0, np.minimum(heights + grain, most), 0.0)
+        kept = (np.minimum(heights, most) <= extra) & (extra <= wanted + grain) & (heights > 0.0)
+        found = np.where(kept, extra, wanted)
+        if (found > extra).any():
+            self._state[layout.BOUND] = math.inf
+        extra[:] = found
 
     def _look(self, now_ns: int) -> None:
         """Sets the reason to stop (bad or old command, late step, lost joints), or clears it."""
@@ -364,35 +501,38 @@ class Governor:
             containers.settle(own, felt, first_period(self._cups[cup].model))
 
     def _use(self, liquid: SeenLiquid) -> None:
-        """Sets the first container's models to a past observed state, simulated up to now."""
-        stores = self._stores[: layout.MODELS, : int(self._table[0, layout.SIZE])]
-        count = self._past.since(liquid.stamp_ns)
-        known = liquid.modal.shape == (len(divided(stores[0])[1]), 4)
-        if not (self._seen_cup and count and known and np.isfinite(liquid.modal).all()):
+        """Compares a past observed state with the first container's models; see `Witness`."""
+        distance = self._witness.look(liquid, self._past, self._size)
+        if math.isnan(distance):
             return
         self._liquid_ns = liquid.stamp_ns
-        self._state[layout.SEEN] = 1.0
-        self._table[0, layout.EXTRA] = TUNING.governor_stddevs * liquid.stddev
-        begun, felt = self._past.last(count)
-        felt[-1] = self._chosen[int(self._table[0, layout.POINT])]
-        scales = (liquid.frequency_factor / self._frequencies) ** 2
-        modal = np.ascontiguousarray(liquid.modal, dtype=np.float64)
-        liquids.relive(begun, scales, modal, felt, self.period)
-        stores[:] = begun
+        now = float(self._unknown.heights[0])
+        if distance > now:
+            most = float(self._unknown.largest[0]) + self.limits.height
+            self._unknown.bound(0, min(distance, most), Cause.FUSED)
+        elif self._witness.highest < now:
+            self._unknown.bound(0, self._witness.highest, Cause.FUSED)
 
     def _governed(self, now_ns: int, *, share: float, safe: bool) -> Governed:
         """Creates the result of a step from the present motion and heights."""
         sent = 0 if self._command is None else self._command.stamp_ns
         # What is left of a held stop uses no more than all of it.
-        np.copyto(self._uses, self._told, where=self._told == self._told)
-        worst = int(self._uses[:, layout.USE].argmax()) if len(self._cups) > 1 else 0
-        peak, nominal = self._uses[worst, layout.PEAK : layout.NOMINAL + 1].tolist()
+        looked, extra = self._told == self._told, self._table[:, layout.EXTRA]
+        np.copyto(self._uses, self._told, where=looked)
+        np.copyto(self._own, self._told[:, layout.PEAK] - extra, where=looked[:, layout.PEAK])
+        unknown = np.maximum(extra, self._unknown.heights)
+        peaks = np.maximum(self._own, 0.0) + unknown
+        safe = safe and bool((peaks[unknown > extra] <= self._table[unknown > extra, 0]).all())
+        safe = safe and not any(unknown[k] > extra[k] for k in self._loose)
+        shares = np.maximum(self._uses[:, layout.SLIP :].max(axis=1), peaks / self._table[:, 0])
+        worst = int(shares.argmax()) if len(self._cups) > 1 else 0
+        peak, nominal = float(peaks[worst]), float(self._uses[worst, layout.NOMINAL])
         friction = tipping = math.nan
         if self._loose:
             friction, tipping = self._uses[self._loose, layout.SLIP :].max(axis=0).tolist()
         velocity, acceleration, position = self._moved()
-        unknown = (math.nan,) * self._motion.shape[1]
-        wanted = self._latest.velocity or unknown, self._latest.target or unknown
+        none = (math.nan,) * self._motion.shape[1]
+        wanted = self._latest.velocity or none, self._latest.target or none
         follows = self._reason is StopReason.NONE and self._command is not None
         joints = tuple(map(tuple, self.joints.tolist())) if self.joints.size else ()
         return Governed(
@@ -403,7 +543,8 @@ class Governor:
             self._steps, self._commands, self._liquid_ns,
             self._cups[worst].name, friction, tipping, joints, wanted,
             self._carrier.refused_by(share) if follows else "",
-            self._joint_start,
+            self._joint_start, float(unknown[worst]), str(self._unknown.cause),
+            self._since_ns or 0,
         )  # fmt: skip
 
     def _moved(self) -> tuple[tuple[float, ...], ...]:

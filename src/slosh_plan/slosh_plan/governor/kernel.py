@@ -44,7 +44,6 @@ from slosh_plan.governor.layout import (
     PERIOD,
     PLAN,
     REST,
-    SEEN,
     SHARE,
     SPACING,
     TAIL,
@@ -96,13 +95,7 @@ def _is_held(plan):  # type: ignore[no-untyped-def]
 @compiled
 def _is_known(plan, state):  # type: ignore[no-untyped-def]
     """Whether a candidate motion is the stored safe stop, verified and so not simulated again."""
-    return _is_held(plan) and state[BOUND] <= 1.0 and state[SEEN] == 0.0
-
-
-@compiled
-def _is_known_of_others(plan, state):  # type: ignore[no-untyped-def]
-    """Whether the verified safe stop needs simulation only of the first liquid, observed since."""
-    return _is_held(plan) and state[BOUND] <= 1.0 and state[SEEN] != 0.0
+    return _is_held(plan) and state[BOUND] <= 1.0
 
 
 @compiled
@@ -167,7 +160,7 @@ def _carried(one, plan, begun, moves, rows):  # type: ignore[no-untyped-def]
 
 
 @compiled_apart
-def _verified(one, plan, begun, moves, cups, ranks, exact, told):  # type: ignore[no-untyped-def]
+def _verified(one, begun, moves, cups, ranks, exact, told):  # type: ignore[no-untyped-def]
     """Simulates a candidate motion with all models; returns the largest fraction of a limit.
 
     Containers that were nearest to their limits are looked at first; the first that exceeds one
@@ -175,7 +168,6 @@ def _verified(one, plan, begun, moves, cups, ranks, exact, told):  # type: ignor
 
     Args:
         one: the candidate.
-        plan: (PLAN,) of it; of the held stop only what is not known is looked at.
         begun: see `_prepared`.
         moves: see `_best_of_all`.
         cups: see `govern`.
@@ -184,16 +176,13 @@ def _verified(one, plan, begun, moves, cups, ranks, exact, told):  # type: ignor
         told: (C, USES) receives the uses; NaN: not looked at.
     """
     stores, driven, ends, intervals, _ = moves
-    settings, bound = begun[3], begun[1][BOUND]
-    alone = _is_known_of_others(plan, begun[1])
+    settings = begun[3]
     which, models = np.array([one]), np.arange(MODELS)
     count = min(ends[one] + _tail(settings), intervals.shape[0])
     own, order = np.full((CANDIDATES, USES), math.nan), ranks[:, ORDER].copy()
     told[:] = math.nan
-    most, critical = bound if alone else -1.0, order[0]
+    most, critical = -1.0, order[0]
     for cup in order:
-        if alone and cup > 0:
-            continue
         part = stores[cup * MODELS : (cup + 1) * MODELS]
         model = add_uses(
             part, cups[cup], driven, which, models, ends, intervals, count, settings, exact, own
@@ -238,7 +227,7 @@ def _best_part(plans, begun, moves, rows, cups, ranks, told):  # type: ignore[no
         found = math.inf
         judged = _prepared(one, plans[one], begun, moves, rows[one]) == JUDGED
         if judged and _carried(one, plans[one], begun, moves, rows[one]):
-            found = _verified(one, plans[one], begun, moves, cups, ranks, 1.0, trial)
+            found = _verified(one, begun, moves, cups, ranks, 1.0, trial)
         if found <= 1.0:
             best, use, below = one, found, one
             told[:] = trial
@@ -249,7 +238,7 @@ def _best_part(plans, begun, moves, rows, cups, ranks, told):  # type: ignore[no
         known = _prepared(HELD, plans[HELD], begun, moves, rows[HELD]) == KNOWN
         use = begun[1][BOUND]
         if not known:
-            use = _verified(best, plans[best], begun, moves, cups, ranks, math.inf, told)
+            use = _verified(best, begun, moves, cups, ranks, math.inf, told)
     return best, use
 
 
@@ -279,7 +268,7 @@ def _best_of_all(plans, begun, moves, rows, kept, cups, ranks, follow, last, tol
         if kept[best] != JUDGED or not shares[best] <= 1.0:
             break
         if _carried(best, plans[best], begun, moves, rows[best]):
-            shares[best] = _verified(best, plans[best], begun, moves, cups, ranks, 1.0, told)
+            shares[best] = _verified(best, begun, moves, cups, ranks, 1.0, told)
             if shares[best] <= 1.0:
                 return best, shares[best]
         else:
@@ -296,7 +285,7 @@ def _best_of_all(plans, begun, moves, rows, kept, cups, ranks, follow, last, tol
         best = _best(shares, kept, rests, settings, follow)
     told[:] = math.nan
     if last and kept[best] == JUDGED:
-        shares[best] = _verified(best, plans[best], begun, moves, cups, ranks, math.inf, told)
+        shares[best] = _verified(best, begun, moves, cups, ranks, math.inf, told)
     return best, shares[best]
 
 
@@ -368,7 +357,7 @@ def govern(  # type: ignore[no-untyped-def]
             )
         answer[TRIED] += 1.0
         block += 1
-    state[BOUND], state[SEEN] = use, 0.0
+    state[BOUND] = use
     if plans[best, KIND] == 1.0:
         state[DURATION : DURATION + 3] = plans[best, LAW:]
     answer[SHARE] = plans[best, PART]

@@ -16,7 +16,6 @@ from slosh_plan.governor.layout import (
     MODULATED,
     POINT,
     SIZE,
-    STEPS,
     WAVE,
 )
 from slosh_plan.governor.waves import (
@@ -52,9 +51,8 @@ def _of_any_model(  # type: ignore[no-untyped-def]
     for one in range(which.shape[0]):
         for row in range(count):
             inputs[one, row] = driven[which[one], int(cup[POINT]), row]
-    counts = np.full(count - 1, int(cup[STEPS]))
     done = advance_lanes(
-        copies, counts, np.zeros(lanes, dtype=np.int64), rows,
+        copies, np.ones(count - 1, dtype=np.int64), np.zeros(lanes, dtype=np.int64), rows,
         intervals[: count - 1].copy().reshape(1, count - 1), inputs,
         np.empty((0, count)), np.empty((0, count, POSE_COUNT)), cup[DRIVEN] != 0.0,
         cup[MODULATED] != 0.0, found, ceiling,
@@ -83,8 +81,7 @@ def _of_waves(  # type: ignore[no-untyped-def]
         for row in range(count):
             for axis in range(3):
                 inputs[row, axis, lane] = felt[row, axis]
-    steps = int(cup[STEPS])
-    done = simulate_waves(w, inputs, intervals, count, steps, pendulum, ceiling, heights)
+    done = simulate_waves(w, inputs, intervals, count, pendulum, ceiling, heights)
     for lane in range(tops.shape[0]):
         known = w[X + lane] + w[Y + lane] + w[VX + lane] + w[VY + lane]
         if pendulum and not (known == known and w[STEEP + lane] <= STEEPEST * STEEPEST):

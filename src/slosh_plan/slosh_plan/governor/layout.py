@@ -36,11 +36,10 @@ difference of the lightly damped models' answers that is added for those between
 stop [s] from which longer ones are found while a command is followed."""
 SETTINGS = 16
 
-SUBSTEP, ROWS, DURATION, BUMP_EARLY, BUMP_LATE, TURN, BOUND, SEEN = range(8)
+SUBSTEP, ROWS, DURATION, BUMP_EARLY, BUMP_LATE, TURN, BOUND = range(7)
 """State: step since the stop's row 0, rows of the stop; duration [s] and bumps of the last good
-law, number of the step, share of the limits up to which the held stop was found safe, 1 where the
-first container's liquid was observed since."""
-STATE = 8
+law, number of the step, share of the limits up to which the held stop was found safe."""
+STATE = 7
 
 ORDER, WORST = 0, 1
 """Ranks of a container: in column 0 of row k the container that was the k-th nearest to its limits
@@ -48,16 +47,17 @@ of late; then the two models of the row's own container that used most."""
 RANKS = 3
 
 (
-    LIMIT, EXTRA, POINT, SIZE, DRIVEN, MODULATED, STEPS, MASS_POINT, FRICTION, BASE, CENTRE,
-    MASS_X, MASS_Y, ARM_X, ARM_Y, WAVE,
-) = range(16)  # fmt: skip
-"""A container: limit of its height, what heights are raised by for an uncertain state [m]; point
+    LIMIT, EXTRA, POINT, SIZE, DRIVEN, MODULATED, PARTS_OF_ROW, MASS_POINT, FRICTION, BASE, CENTRE,
+    MASS_X, MASS_Y, ARM_X, ARM_Y, WAVE, PUMP, PUSH, SWAY,
+) = range(19)  # fmt: skip
+"""A container: limit of its height, height of a wave that may be there beside the models' [m]; point
 that drives its liquid; numbers of a model's store; whether the models have effects on the input
-and on the constants with time; sub-steps of a row. If it stands loosely: point of its mass,
+and on the constants with time; parts of a row. If it stands loosely: point of its mass,
 coefficient of friction (0: it is held), radius of its base, height of the centre of mass [m];
 along x and y: part of the mass that moves with the liquid's first mode, and its height [m]. Kind
-of its models; see `waves`."""
-CUP = 16
+of its models; see `waves`. Logarithmic growth of the unknown wave per vertical acceleration and time
+[s/m]; acceleration and moment, by the mass, with which a metre of it moves the container [1/s², 1]."""
+CUP = 19
 
 USE, PEAK, NOMINAL, SLIP, TIP = range(5)
 """What a stop uses of a container: largest share of any of its limits; highest height of any model

@@ -1,6 +1,6 @@
 """Compiled functions for the liquids apart from the governor's steps.
 
-They set the liquids to an observed state, and advance them over steps that were left out.
+They advance them over the time by which a step is late.
 """
 
 from __future__ import annotations
@@ -46,28 +46,6 @@ def feel(joints, points, motion, felt):  # type: ignore[no-untyped-def]
     felt_at(joints, points, motion, felt, np.empty(3))
 
 
-@entry_point(void(CHANGED_2, GIVEN_1, GIVEN_2, GIVEN_2, float64))
-def relive(stores, scales, modal, felt, period):  # type: ignore[no-untyped-def]
-    """Sets all models of a container to a past observed state and simulates up to the present.
-
-    Args:
-        stores: (MODELS, …) as they were at the moment of the state; changed.
-        scales: (MODELS,) factors of the state.
-        modal: (modes, 4) x, y, vx, vy of each mode [m, m/s].
-        felt: (N, 3) accelerations since then, one a step [m/s²].
-        period: of a step [s].
-    """
-    for number in range(stores.shape[0]):
-        runs, modes = records(stores[number])
-        for n in range(modes.shape[0]):
-            mode, scale = modes[n], scales[number]
-            mode["x"], mode["y"] = scale * modal[n, 0], scale * modal[n, 1]
-            mode["vx"], mode["vy"] = scale * modal[n, 2], scale * modal[n, 3]
-        for row in range(felt.shape[0]):
-            x, y, z = felt[row, 0], felt[row, 1], felt[row, 2]
-            advance(runs[0], modes, x, y, z, 0.0, UPRIGHT, period)
-
-
 @entry_point(
     void(
         CHANGED_2, CHANGED_2, float64, GIVEN_2, GIVEN_2, GIVEN_2, GIVEN_2, GIVEN_2, GIVEN_1,
@@ -77,7 +55,7 @@ def relive(stores, scales, modal, felt, period):  # type: ignore[no-untyped-def]
 def hold(  # type: ignore[no-untyped-def]
     stores, motion, period, cups, joints, points, links, ranges, goal, carrying, refused, chosen,
 ):  # fmt: skip
-    """Advances motion and models by a period in which the robot holds its velocity.
+    """Advances motion and models by a time in which the robot holds its velocity.
 
     The acceleration of the motion stays stored: the next step goes on from there.
 

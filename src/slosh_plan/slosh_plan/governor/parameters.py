@@ -25,7 +25,11 @@ NOWHERE = (math.nan,) * 3
 
 
 def governor_of(
-    held: Model | Tray, parameters: Mapping[str, Any], robot: GovernedArm | None = None
+    held: Model | Tray,
+    parameters: Mapping[str, Any],
+    robot: GovernedArm | None = None,
+    *,
+    at_rest: bool = False,
 ) -> Governor:
     """Creates the motion governor from a node's parameters.
 
@@ -33,6 +37,7 @@ def governor_of(
         held: the container's model, or a tray.
         parameters: of the node by name.
         robot: its joints are commanded, or carry the commanded container; None: unknown.
+        at_rest: whether the liquid is at rest; else its state is unknown.
 
     Raises:
         SloshPlanError: an impossible limit, a robot that holds the container tilted.
@@ -49,7 +54,7 @@ def governor_of(
     return Governor(
         held, limits, doubt=doubt, period=1.0 / float(parameters["rate"]),
         timeout=float(parameters["timeout"]), arm=robot if joints else None,
-        carrier=None if joints else robot,
+        carrier=None if joints else robot, at_rest=at_rest,
     )  # fmt: skip
 
 

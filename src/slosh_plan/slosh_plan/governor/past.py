@@ -6,7 +6,9 @@ from collections import deque
 
 import numpy as np
 
+from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
+from slosh_model import kernel as model_kernel
 from slosh_plan.tuning import TUNING
 
 
@@ -37,25 +39,22 @@ class PastLiquid:
         self._felt[row] = felt
         self._added += 1
 
-    def since(self, stamp_ns: int) -> int:
-        """Returns how many of the stored steps lie at or after a time; 0 if all are later than it.
-
-        Args:
-            stamp_ns: the moment [ns].
-        """
-        if not self._stamps or self._stamps[0] > stamp_ns:
-            return 0
-        count = 0
-        for one in reversed(self._stamps):
-            if one < stamp_ns:
-                break
-            count += 1
-        return count
-
-    def last(self, count: int) -> tuple[Array, Array]:
-        """Returns the models' states (MODELS, …) `count` steps ago; accelerations since that step.
-
-        The last row of the latter, (count, 3), is left for the present moment.
-        """
-        rows = np.arange(self._added - count, self._added) % len(self._felt)
-        return self._stores[rows[0]].copy(), self._felt[np.roll(rows, -1)]
+    def at(self, stamp_ns: int) -> Array | None:
+        """Returns the models' states (MODELS, …) at a moment [ns]; None: it is not known."""
+        later = None
+        for back, one in enumerate(reversed(self._stamps), 1):
+            if one > stamp_ns:
+                later = one
+                continue
+            rows = np.arange(self._added - back, self._added - back + 2) % len(self._felt)
+            stores: Array = self._stores[rows[0]].copy()
+            if one == stamp_ns:
+                return stores
+            if later is None:
+                return None
+            share = (stamp_ns - one) / (later - one)
+            felt = self._felt[rows[0]] + share * (self._felt[rows[1]] - self._felt[rows[0]])
+            for store in stores:
+                model_kernel.step(store, (stamp_ns - one) / SECOND, *felt.tolist())
+            return stores
+        return None

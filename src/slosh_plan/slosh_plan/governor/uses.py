@@ -28,12 +28,16 @@ from slosh_plan.governor.layout import (
     MASS_POINT,
     MASS_X,
     NOMINAL,
+    PARTS_OF_ROW,
     PEAK,
     POINT,
+    PUMP,
+    PUSH,
     RESERVE,
     SIZE,
     SLIP,
     SPREAD,
+    SWAY,
     TIP,
     USE,
 )
@@ -96,9 +100,13 @@ def _pressures(felt, axes, count, pushing, pressing):  # type: ignore[no-untyped
 
 
 @compiled
-def _standing(cup, placed, pushing, weights, pressing, count):  # type: ignore[no-untyped-def]
-    """Returns the largest fractions of friction and support base that a candidate motion uses."""
+def _standing(cup, extra, placed, pushing, weights, pressing, count):  # type: ignore[no-untyped-def]
+    """Returns the largest fractions of friction and support base that a candidate motion uses.
+
+    An unknown wave of the height `extra` [m] may push in the worst direction at any time.
+    """
     slip = tip = 0.0
+    push_more, sway_more = extra * cup[PUSH], extra * cup[SWAY]
     for row in range(1, count - 1):
         force, inverse = pressing[row, 0], pressing[row, 1]
         if inverse == 0.0:
@@ -112,8 +120,53 @@ def _standing(cup, placed, pushing, weights, pressing, count):  # type: ignore[n
             tips = mass * (q * force - cup[ARM_X + k] * change) - cup[CENTRE] * push
             lateral += slides * slides
             moment += tips * tips
+        if extra > 0.0:
+            lateral, moment = math.sqrt(lateral) + push_more, math.sqrt(moment) + sway_more
+            lateral, moment = lateral * lateral, moment * moment
         slip, tip = max(slip, lateral * inverse), max(tip, moment * inverse)
     return math.sqrt(slip) / cup[FRICTION], math.sqrt(tip) / cup[BASE]
+
+
+@compiled
+def _refined(cup, driven, which, ends, intervals, count):  # type: ignore[no-untyped-def]
+    """Divides the rows of candidate motions so that a container's fastest mode is sampled finely.
+
+    Between two rows accelerations are linear in time.
+
+    Returns:
+        `driven`, `ends`, `intervals`, `count` of `add_uses` for the finer rows.
+    """
+    parts = int(cup[PARTS_OF_ROW])
+    if parts == 1:
+        return driven, ends, intervals, count
+    size = (count - 1) * parts + 1
+    finer, short = np.zeros((driven.shape[0], driven.shape[1], size, 3)), np.empty(size - 1)
+    for row in range(size - 1):
+        short[row] = intervals[row // parts] / parts
+    for one in which:
+        for point in (int(cup[POINT]), int(cup[MASS_POINT])):
+            for row in range(size):
+                first, share = row // parts, (row % parts) / parts
+                last = min(first + 1, count - 1)
+                for k in range(3):
+                    a, b = driven[one, point, first, k], driven[one, point, last, k]
+                    finer[one, point, row, k] = a + share * (b - a)
+    return finer, (ends - 1) * parts + 1, short, size
+
+
+@compiled
+def _unknown(cup, felt, intervals, count):  # type: ignore[no-untyped-def]
+    """Returns the largest height of an unknown wave [m] in a candidate motion.
+
+    Vertical accelerations change its stiffness: its energy grows at most by the natural frequency
+    times their share of gravity.
+    """
+    if cup[EXTRA] == 0.0 or cup[PUMP] == 0.0:
+        return cup[EXTRA]
+    pumped = 0.0
+    for row in range(1, count):
+        pumped += 0.5 * intervals[row - 1] * (abs(felt[row - 1, 2]) + abs(felt[row, 2]))
+    return cup[EXTRA] * math.exp(cup[PUMP] * pumped)
 
 
 @compiled
@@ -153,6 +206,7 @@ def add_uses(  # type: ignore[no-untyped-def]
     Returns:
         the model that uses most in the last of the candidates.
     """
+    driven, ends, intervals, count = _refined(cup, driven, which, ends, intervals, count)
     lanes = models.shape[0]
     heights, highest = np.empty((count, 2, LANES)), np.zeros(which.shape[0] * lanes)
     ceiling = (exact * cup[LIMIT] - cup[EXTRA]) / (1.0 + settings[RESERVE])
@@ -174,7 +228,8 @@ def add_uses(  # type: ignore[no-untyped-def]
         found, pressed = uses[candidate], driven[candidate, int(cup[MASS_POINT])]
         for n in range(lanes):
             tops[n] = highest[one * lanes + n]
-        found[PEAK], found[NOMINAL] = _raised(tops, models, settings) + cup[EXTRA], tops[0]
+        extra = _unknown(cup, driven[candidate, int(cup[POINT])], intervals, count)
+        found[PEAK], found[NOMINAL] = _raised(tops, models, settings) + extra, tops[0]
         found[USE] = max(found[PEAK] / cup[LIMIT], exceeded)
         stands = loose and found[USE] <= exact
         if stands:
@@ -185,7 +240,9 @@ def add_uses(  # type: ignore[no-untyped-def]
                 store = stores[models[n], : int(cup[SIZE])]
                 felt = driven[candidate, int(cup[POINT])]
                 _displacements(store, heights, one * lanes + n, felt, count, placed)
-                slips[n], tips[n] = _standing(cup, placed, pushing, weights, pressing, count)
+                slips[n], tips[n] = _standing(
+                    cup, extra, placed, pushing, weights, pressing, count
+                )
                 share = max(share, max(slips[n], tips[n]))
             if share > most:
                 worst, most = models[n], share

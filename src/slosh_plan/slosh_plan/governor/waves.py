@@ -28,17 +28,16 @@ _TERMS = {"vertical_acceleration", "surface_nonlinearity", "pendulum_nonlinearit
 _LIFT, _CURVED = SLOTS["vertical_acceleration"], SLOTS["surface_nonlinearity"]
 
 (
-    X, Y, VX, VY, OLD_X, OLD_Y, OLD_G, NEW_X, NEW_Y, NEW_G, LEFT_X, LEFT_Y, LEFT_G, SCALE_X,
-    SCALE_Y, STIFF_X, STIFF_Y, DRAG_X, DRAG_Y, CURVED, SPRING, GAIN_X,
-    GAIN_Y, HEIGHT_X, HEIGHT_Y, TOP, LAST_X, LAST_Y, STEEP, END, LIFTED,
-    STATIC_X, STATIC_Y,
-) = range(0, 33 * LANES, LANES)  # fmt: skip
+    X, Y, VX, VY, OLD_X, OLD_Y, OLD_G, NEW_X, NEW_Y, NEW_G, SCALE_X, SCALE_Y, STIFF_X, STIFF_Y,
+    DRAG_X, DRAG_Y, CURVED, SPRING, GAIN_X, GAIN_Y, HEIGHT_X, HEIGHT_Y, TOP, LAST_X, LAST_Y,
+    STEEP, END, LIFTED, STATIC_X, STATIC_Y,
+) = range(0, 30 * LANES, LANES)  # fmt: skip
 """Places in the work array of quantities that have a value for each lane: state; acceleration and
-relative gravity at the last row, the next one and the begin of a sub-step; scales of the state;
-constants of the equations; heights and the greatest so far; greatest and last greatest after the
-stop; square of the steepest angle; row of the rest; change of gravity by acceleration [s²/m];
-height that follows the acceleration at once."""
-QUANTITIES = 33
+relative gravity at the last row and the next one; scales of the state; constants of the equations;
+heights and the greatest so far; greatest and last greatest after the stop; square of the steepest
+angle; row of the rest; change of gravity by acceleration [s²/m]; height that follows the
+acceleration at once."""
+QUANTITIES = 30
 WORK = QUANTITIES * LANES
 """Length of that array."""
 
@@ -132,14 +131,11 @@ def _slope(pendulum, w, k, q, ax, ay, g):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _advance(pendulum, w, k, step, share):  # type: ignore[no-untyped-def]
-    """Makes one Runge-Kutta step of a lane; `share` is the step's end in the sample interval."""
+def _advance(pendulum, w, k, step):  # type: ignore[no-untyped-def]
+    """Makes one Runge-Kutta step of a lane, from one row to the next."""
     x, y, vx, vy = w[X + k], w[Y + k], w[VX + k], w[VY + k]
-    ax, ay, g = w[LEFT_X + k], w[LEFT_Y + k], w[LEFT_G + k]
-    bx = w[OLD_X + k] + share * (w[NEW_X + k] - w[OLD_X + k])
-    by = w[OLD_Y + k] + share * (w[NEW_Y + k] - w[OLD_Y + k])
-    h = w[OLD_G + k] + share * (w[NEW_G + k] - w[OLD_G + k])
-    w[LEFT_X + k], w[LEFT_Y + k], w[LEFT_G + k] = bx, by, h
+    ax, ay, g = w[OLD_X + k], w[OLD_Y + k], w[OLD_G + k]
+    bx, by, h = w[NEW_X + k], w[NEW_Y + k], w[NEW_G + k]
     mx, my, m, half = 0.5 * (ax + bx), 0.5 * (ay + by), 0.5 * (g + h), 0.5 * step
     ax1, ay1 = _slope(pendulum, w, k, (x, y, vx, vy), ax, ay, g)
     vx2, vy2 = vx + half * ax1, vy + half * ay1
@@ -159,15 +155,15 @@ def _advance(pendulum, w, k, step, share):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _advance_on_paraboloid(lanes, w, step, share):  # type: ignore[no-untyped-def]
+def _advance_on_paraboloid(lanes, w, step):  # type: ignore[no-untyped-def]
     for k in range(lanes):
-        _advance(False, w, k, step, share)
+        _advance(False, w, k, step)
 
 
 @compiled
-def _advance_pendulum(lanes, w, step, share):  # type: ignore[no-untyped-def]
+def _advance_pendulum(lanes, w, step):  # type: ignore[no-untyped-def]
     for k in range(lanes):
-        _advance(True, w, k, step, share)
+        _advance(True, w, k, step)
 
 
 @compiled
@@ -252,7 +248,7 @@ def begin_waves(stores, size, which, models, ends, pendulum, w):  # type: ignore
 
 
 @compiled
-def simulate_waves(w, inputs, intervals, count, steps, pendulum, ceiling, heights):  # type: ignore[no-untyped-def]
+def simulate_waves(w, inputs, intervals, count, pendulum, ceiling, heights):  # type: ignore[no-untyped-def]
     """Simulates the waves of all simulations; ends early after a height above the ceiling.
 
     Args:
@@ -261,7 +257,6 @@ def simulate_waves(w, inputs, intervals, count, steps, pendulum, ceiling, height
         inputs: (rows, 3, LANES) acceleration [m/s²].
         intervals: (rows - 1,) [s].
         count: of the rows.
-        steps: sub-steps of a row.
         pendulum: as in `begin_waves`.
         ceiling: [m].
         heights: (rows, 2, LANES) receives the wall heights but for the first row [m].
@@ -271,17 +266,13 @@ def simulate_waves(w, inputs, intervals, count, steps, pendulum, ceiling, height
     """
     lanes = w.shape[0] // QUANTITIES  # a constant would unroll the loops into scalar code
     most = ceiling if pendulum else ceiling * ceiling
-    for k in range(3 * LANES):
-        w[LEFT_X + k] = w[OLD_X + k]
     for row in range(1, count):
         _take_inputs(lanes, w, inputs, row)
-        step = intervals[row - 1] / steps
-        for part in range(steps):
-            share = (part + 1) / steps
-            if pendulum:
-                _advance_pendulum(lanes, w, step, share)
-            else:
-                _advance_on_paraboloid(lanes, w, step, share)
+        step = intervals[row - 1]
+        if pendulum:
+            _advance_pendulum(lanes, w, step)
+        else:
+            _advance_on_paraboloid(lanes, w, step)
         for k in range(3 * LANES):
             w[OLD_X + k] = w[NEW_X + k]
         if pendulum:

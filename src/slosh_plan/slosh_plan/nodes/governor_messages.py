@@ -121,6 +121,9 @@ def governed_message(moved: Governed, frame: str, joints: Sequence[str] = ()) ->
         tipping_use=moved.tipping,
         target_velocity=moved.wanted[0],
         target=moved.wanted[1],
+        unknown_wave=moved.unknown,
+        unknown_because=moved.unknown_cause,
+        unknown_since_ns=moved.unknown_since_ns,
         **of_joints,
     )
 

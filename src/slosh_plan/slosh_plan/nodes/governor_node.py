@@ -88,6 +88,9 @@ class GovernorNode(PreparedNode):
         self._core: Governor | None = None
         self._moved: Governed | None = None
         self._waits, self._refused, self._frame = False, "", ""
+        self._at_rest = bool(values["starts_at_rest"])
+        self._held: tuple[object, ...] = ()
+        self._unseen = ""
         self._seconds: deque[float] = deque(maxlen=1000)
         self._watch(self._health, self._facts)
         self._get_ready(later=later)
@@ -135,11 +138,13 @@ class GovernorNode(PreparedNode):
         """Creates a governor for the held containers and the robot's present joint positions."""
         tray = self._container.tray
         held = tray if tray.present else tray.first.model
+        self._held = self._told_container
         try:
             arm = None
             if not self._joints.missing:
                 arm = arm_of(self._robot, self._joints.places, self._values)
-            before, self._core = self._core, governor_of(held, self._values, arm)
+            before = self._core
+            self._core = governor_of(held, self._values, arm, at_rest=self._at_rest)
             if before is not None:
                 self._core.go_on(before)
             self._refused = ""
@@ -163,13 +168,19 @@ class GovernorNode(PreparedNode):
         self._core.take(command)
 
     def _on_fused(self, message: FusedEstimate) -> None:
-        if message.trusted and self._core is not None:
-            stamp_ns = to_nanoseconds(message.header.stamp)
-            self._core.see(
-                SeenLiquid(
-                    stamp_ns, modal_of(message), message.msh_stddev, message.frequency_factor
-                )
+        if not message.trusted or self._core is None:
+            return
+        stamp_ns = to_nanoseconds(message.header.stamp)
+        try:
+            modal = modal_of(message)
+        except ValueError:
+            self._unseen = "modal_position and modal_velocity of different or odd lengths"
+        else:
+            self._unseen = self._core.see(
+                SeenLiquid(stamp_ns, modal, message.msh_stddev, message.frequency_factor)
             )
+        if self._unseen:
+            self._report.counts["fused_estimate refused"] += 1
 
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)
@@ -182,6 +193,8 @@ class GovernorNode(PreparedNode):
             self._values["limit"] = self._limit if math.isnan(own) else own
             self._renew(now_ns)
         elif self._is_elsewhere:
+            # Others have moved the container.
+            self._at_rest &= self._core is None or self._core.arm is None
             self._renew(now_ns)
         if self._core is None or self._joints.missing:
             self._moved = None
@@ -189,6 +202,7 @@ class GovernorNode(PreparedNode):
         started = time.perf_counter()
         self._locate(self._core, now_ns)
         begun = self._core.commands > 0
+        self._at_rest &= not begun
         self._moved = moved = self._core.step(now_ns) if begun else self._core.idle(now_ns)
         self._seconds.append(time.perf_counter() - started)
         frame = self._values["world_frame"]
@@ -227,9 +241,18 @@ class GovernorNode(PreparedNode):
         apart = np.abs(core.place - self._joints.places).max()
         return bool(core.rests and apart > TUNING.governor_moved)
 
+    @property
+    def _told_container(self) -> tuple[object, ...]:
+        return (self._container.files, self._container.limit)
+
     def _on_container(self) -> None:
-        """After a change of the container, stops; a new governor then starts at rest."""
-        self._waits = True
+        """After a change of the container, stops; a new governor then knows nothing of its liquid.
+
+        The same container told again is no change: its liquid goes on.
+        """
+        if not self._waits and repr(self._told_container) == repr(self._held):
+            return
+        self._waits, self._at_rest = True, False
         if self._core is not None:
             self._core.stop()
 
@@ -267,30 +290,38 @@ class GovernorNode(PreparedNode):
         if self._joints.missing:
             return WARN, self._joints.waiting
         moved = self._moved
-        if moved is None or not moved.steps:
+        if moved is None or (not moved.steps and moved.safe):
             waits = self._lost or self._silence.misfit()
             return (WARN, waits) if waits else (OK, "no command yet")
         if not moved.safe:
-            return ERROR, (
+            whose = f" {moved.worst}" if moved.worst else ""
+            found = (
                 f"no stop keeps the limits: the best found reaches {1e3 * moved.peak:.3g} of "
-                f"{1e3 * moved.limit:.3g} mm {moved.worst}".rstrip()
+                f"{1e3 * moved.limit:.3g} mm{whose}"
             )
+            if moved.unknown_cause:
+                found += f", {1e3 * moved.unknown:.3g} mm of it since {moved.unknown_cause}"
+            doing = moved.state.name.lower()
+            beside = self._stop_told(moved, doing) if moved.reason else self._silence.misfit()
+            return ERROR, f"{found}; {beside}" if beside else found
         doing = moved.state.name.lower()
         if self._lost:
             return WARN, f"{doing}: {self._lost}"
+        if self._unseen:
+            return WARN, f"{doing}: {topics.FUSED_ESTIMATE} is not used: {self._unseen}"
         if moved.refused_by:
             doing += f", {moved.refused_by}"
         if moved.state is GovernorState.STOPPING or moved.reason:
-            return WARN, f"{doing}: {moved.reason.name.lower()}{self._why(moved)}"
+            return WARN, self._stop_told(moved, doing)
         return OK, doing
 
-    def _why(self, moved: Governed) -> str:
-        """Says why it stops, after a colon; empty where the reason says all."""
+    def _stop_told(self, moved: Governed, doing: str) -> str:
+        """Says why it stops, and what helps."""
         frames = self._frame, self._values["world_frame"]
         text = why(moved, self._silence.full_name, frames)
         if moved.reason is StopReason.SILENT:
             text = self._silence.misfit() or text
-        return text and f": {text}"
+        return f"{doing}: {moved.reason.name.lower()}" + (text and f": {text}")
 
     def _facts(self) -> dict[str, Any]:
         times = np.array(self._seconds or [0.0])
@@ -304,6 +335,8 @@ class GovernorNode(PreparedNode):
                 "share": round(self._moved.share, 3),
                 "margin [mm]": round(1e3 * self._moved.margin, 2),
                 "worst container": self._moved.worst,
+                "unknown wave [mm]": round(1e3 * self._moved.unknown, 2),
+                "unknown because": self._moved.unknown_cause,
             }
         return facts
 

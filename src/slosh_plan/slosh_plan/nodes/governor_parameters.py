@@ -41,6 +41,11 @@ PARAMETERS = (
         (1.0, 10.0),
     ),
     ParameterSpec(
+        "starts_at_rest", False,
+        "whether the liquid is at rest when the node starts; else it is unknown, and not safe "
+        "until the largest wave has decayed or the observer has seen it",
+    ),
+    ParameterSpec(
         "friction", 1.0,
         "share of the available friction that loosely standing containers may use", (0.01, 1.0),
     ),
