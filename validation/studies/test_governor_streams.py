@@ -10,7 +10,7 @@ from independent_liquid import GRAVITY, Liquids, Vessel
 CUP, TANK = Vessel(0.06, radius=0.04), Vessel(0.05, width=0.1, depth=0.07)
 REST = np.zeros(3)
 SEEDS = {
-    study.PLAIN: (16, 46), study.UNEVEN: (10, 18), study.CLOCK: (6, 16), study.NUMBERS: (6, 16),
+    study.PLAIN: (16, 46), study.UNEVEN: (10, 18), study.CLOCK: (2, 16), study.NUMBERS: (6, 16),
     study.AGAIN: (2, 8), study.OTHER: (6, 10), study.KILLED: (6, 10), study.MOVING: (2, 18),
     "its stddev −1": (6, 12), "its factor 0": (8, 12), "its stamps 0.1 s early": (2, 12),
     "its states at half scale": (8, 10), "its states frozen": (2, 6),
@@ -59,3 +59,8 @@ def test_no_liquid_exceeds_its_limit_while_the_governor_says_safe(kind):
     assert max(one.safe for one in ran) <= 1.0
     # A governor that is never safe would pass; one that never moves, too.
     assert max(one.share for one in ran) > 0.0
+
+
+@pytest.mark.xfail(strict=True, reason="one period is taken for a step that was left out")
+def test_a_clock_that_steps_by_a_period_is_not_safe():
+    assert study.run(study.CLOCK, 6).safe <= 1.0
