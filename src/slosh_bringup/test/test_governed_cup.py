@@ -113,7 +113,8 @@ def test_a_governed_cup_stays_below_the_limit_that_its_commands_exceed(truth):
     found = cup.outcome(motion, LIMIT)
     assert (found.lost, found.late) == (0, 0)
     assert found.ungoverned > 1.1 * LIMIT
-    assert 0.6 * LIMIT < found.highest <= LIMIT
+    # A clock that is a fifth off leaves a part of the limit to what the robot may do between steps.
+    assert 0.5 * LIMIT < found.highest <= LIMIT
     assert 0.0 < found.slower < 0.6
     assert found.commanded == pytest.approx(2 * 2 * np.pi * 0.25, rel=1e-3)
     assert "the commands alone" in found.rows()["governed height"]
@@ -140,5 +141,6 @@ def test_steps_that_come_late_early_or_not_at_all_keep_the_limit(truth, clock, s
         both = np.array(told.velocity), np.array(told.acceleration)
         cup.move(GovernedStep(told.steps, t, *both))
     found = cup.outcome(motion, LIMIT)
-    assert 0.6 * LIMIT < found.highest <= LIMIT
+    # A clock that is a fifth off leaves a part of the limit to what the robot may do between steps.
+    assert 0.5 * LIMIT < found.highest <= LIMIT
     assert found.slower < 0.6

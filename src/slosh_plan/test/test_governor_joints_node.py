@@ -64,6 +64,7 @@ class Cell(Graph):
         super().__init__(executor=SingleThreadedExecutor())
         self.governor = self.with_parameters(
             GovernorNode, model=str(model), limit=0.012, rate=20.0, timeout=1.0, command=command,
+            starts_at_rest=True,
             urdf=str(URDF), tool_frame="cup",
         )  # fmt: skip
         self.make, desired, safe = KINDS[command]
@@ -136,6 +137,7 @@ class CarriedCell(Graph):
         super().__init__(executor=SingleThreadedExecutor())
         self.governor = self.with_parameters(
             GovernorNode, model=str(model), limit=0.012, rate=20.0, timeout=1.0, urdf=str(URDF),
+            starts_at_rest=True,
             tool_frame="cup",
         )  # fmt: skip
         self.moved = self.listen(GovernedMotion, topics.GOVERNED_MOTION)

@@ -67,7 +67,7 @@ class Carrier:
         self._goal[layout.ORIGIN :] -= origin
 
     def way_to(self, places: Array) -> float:
-        """Returns the distance [m] from the container's present origin to that at joint positions."""
+        """Returns the way [m] of the container's origin from the present to joint positions."""
         ends = []
         for own in (self.joints[layout.PLACE], places):
             pose = np.zeros(layout.ORIGIN + 3)

@@ -118,7 +118,7 @@ def steps_of(cups: Sequence[Cup], period: float) -> int:
 
 
 def reserve_of(cups: Sequence[Cup], spacing: float, error: float) -> float:
-    """Returns the part by which heights are raised: a crest between two samples is higher than both.
+    """Returns the part by which heights are raised: a crest between samples is above both.
 
     Samples are so near that it is never negative, at any rate and for any modes.
 
@@ -174,7 +174,7 @@ def table_of(
 
 def _fill(row: Array, cup: Cup) -> None:
     model, store = cup.model, store_of(cup.model)
-    run, modes = divided(store)
+    run = divided(store)[0]
     row[layout.PUMP] = cup.fastest * float(run[0]["lift"]) / (2.0 * GRAVITY)
     row[layout.LIMIT], row[layout.SIZE] = cup.limits.height, len(store)
     row[layout.WAVE] = kind_of(model)

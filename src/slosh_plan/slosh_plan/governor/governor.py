@@ -206,7 +206,7 @@ class Governor:
         return doubt
 
     def _nudge(self, way: float) -> None:
-        """Others have moved the resting container: its liquids may have waves as high as the way."""
+        """Adds the waves that others may have made by moving the resting container a way [m]."""
         if way <= TUNING.governor_nudged:
             return
         if self._made_ns < 0:
@@ -371,7 +371,7 @@ class Governor:
         self._state[layout.BOUND] = math.inf  # nobody has verified the stop from here
 
     def _feel(self, *, at_rate: bool) -> None:
-        """Lets the liquids feel at once the motion's acceleration, or that at a steady velocity."""
+        """Lets the liquids feel at once the motion's acceleration, or that of a steady speed."""
         if len(self._joints):
             motion = self._motion.copy()
             motion[layout.RATE] *= at_rate
@@ -384,7 +384,7 @@ class Governor:
             model_kernel.step(store[: int(row[layout.SIZE])], 0.0, *felt.tolist())
 
     def _doubt_time(self, gap: float) -> None:
-        """Adds to the unknown wave what may have happened in a time that may be another one [s]."""
+        """Adds to the unknown wave what may be after a gap [s] that may not be the real one."""
         omega = np.array([cup.model.mode_constants()[0].natural_frequency for cup in self._cups])
         waves = np.array(
             [

@@ -50,13 +50,13 @@ RANKS = 3
     LIMIT, EXTRA, POINT, SIZE, DRIVEN, MODULATED, PARTS_OF_ROW, MASS_POINT, FRICTION, BASE, CENTRE,
     MASS_X, MASS_Y, ARM_X, ARM_Y, WAVE, PUMP, PUSH, SWAY,
 ) = range(19)  # fmt: skip
-"""A container: limit of its height, height of a wave that may be there beside the models' [m]; point
+"""A container: limit of its height, height of an unknown wave beside the models' [m]; point
 that drives its liquid; numbers of a model's store; whether the models have effects on the input
 and on the constants with time; parts of a row. If it stands loosely: point of its mass,
 coefficient of friction (0: it is held), radius of its base, height of the centre of mass [m];
 along x and y: part of the mass that moves with the liquid's first mode, and its height [m]. Kind
-of its models; see `waves`. Logarithmic growth of the unknown wave per vertical acceleration and time
-[s/m]; acceleration and moment, by the mass, with which a metre of it moves the container [1/s², 1]."""
+of its models; see `waves`. Logarithmic growth of the unknown wave per vertical acceleration and
+time [s/m]; acceleration [1/s²] and moment [m/s²], by the mass, by a metre of it."""
 CUP = 19
 
 USE, PEAK, NOMINAL, SLIP, TIP = range(5)

@@ -1,9 +1,9 @@
 """Waves that may be in the containers beside those that the governor's models compute.
 
-A liquid whose state was not known at the start, or has become unknown, may have a free wave beside
-the computed one. Of it a bound is known, and that it oscillates and decays. The bound is an ellipse
-of displacement and velocity, so that vertical accelerations, which pump waves, change it as they
-change the wave. A shift is one of which place and time are known, and its size at most.
+A liquid whose state was not known at the start, or has become unknown, may have a free wave
+beside the computed one. Of it a bound is known, and that it oscillates and decays. The bound is an
+ellipse of displacement and velocity: vertical accelerations, which pump waves, change it as they
+change the wave. A shift is a wave of which direction and time are known, and the most of its size.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ class UnknownWave:
             self.bound(int(cup), float(self.largest[cup]), self.cause)
 
     def shift(self, moved: Array, cause: Cause) -> None:
-        """Adds the waves of displacements (C, 2) [m] of which not more is known than their size."""
+        """Adds the waves of displacements (C, 2) [m], each at most as large as given."""
         self._because(np.abs(moved).max(axis=1), cause)
         self._shift[:, 0] += (self._gains * moved).T[:, :, np.newaxis]
         self._measure()
