@@ -112,10 +112,6 @@ class GovernedBag(LiveBag):
             worst_container=moved.worst, friction_use=moved.friction, tipping_use=moved.tipping,
             refused_by=moved.refused_by,
             target_velocity=np.array(moved.wanted[0]), target=np.array(moved.wanted[1]),
-            unknown_wave=moved.unknown, unknown_because=moved.unknown_cause,
-            unknown_since=self._types["builtin_interfaces/msg/Time"](
-                *divmod(moved.unknown_since_ns, 1_000_000_000)
-            ),
             joint_names=[], joint_position=rows[2], joint_velocity=rows[0],
             joint_acceleration=rows[1], joint_start=np.array(moved.joint_start, dtype=float),
         )  # fmt: skip
