@@ -10,7 +10,7 @@ from slosh_estimator.observer.observer import Observer
 from slosh_estimator.observer.states import fused_fields
 from slosh_estimator.robot import available
 from slosh_model import format_model
-from slosh_plan.governor import SeenLiquid, StopReason
+from slosh_plan.governor import Command, SeenLiquid, StopReason
 from slosh_plan.governor.parameters import arm_of, governor_of, velocity_command
 from slosh_plan.joints import Arm
 from slosh_plan.nodes.governor_parameters import PARAMETERS
@@ -98,7 +98,7 @@ class GovernedBag(LiveBag):
 
     def _tell(self, moved, now, log_ns):
         rows = np.array(moved.joints).reshape(3, -1)
-        sec, nanosec = divmod(moved.liquid_ns, 1_000_000_000)
+        time = self._types["builtin_interfaces/msg/Time"]
         self._put(
             GOVERNED, now, log_ns, velocity=np.array(moved.velocity),
             acceleration=np.array(moved.acceleration), position=np.array(moved.position),
@@ -106,14 +106,12 @@ class GovernedBag(LiveBag):
             safe=moved.safe, peak=moved.peak, margin=moved.margin, limit=moved.limit,
             stop_duration=moved.rest, command_age=moved.age, steps=moved.steps,
             commands_taken=moved.commands,
-            liquid_stamp=self._types["builtin_interfaces/msg/Time"](sec, nanosec),
+            liquid_stamp=time(*divmod(moved.liquid_ns, 1_000_000_000)),
+            unknown_wave=moved.unknown, unknown_because=moved.unknown_cause,
+            unknown_since=time(*divmod(moved.unknown_since_ns, 1_000_000_000)),
             worst_container=moved.worst, friction_use=moved.friction, tipping_use=moved.tipping,
             refused_by=moved.refused_by,
             target_velocity=np.array(moved.wanted[0]), target=np.array(moved.wanted[1]),
-            unknown_wave=moved.unknown, unknown_because=moved.unknown_cause,
-            unknown_since=self._types["builtin_interfaces/msg/Time"](
-                *divmod(moved.unknown_since_ns, 1_000_000_000)
-            ),
             joint_names=[], joint_position=rows[2], joint_velocity=rows[0],
             joint_acceleration=rows[1], joint_start=np.array(moved.joint_start, dtype=float),
         )  # fmt: skip
@@ -146,6 +144,32 @@ class CarriedBag(GovernedBag):
         super()._tell(moved, now, log_ns)
 
 
+class ToldBag(GovernedBag):
+    """One of targets, with a command that turns; then the container is told again."""
+
+    def _move(self, now, log_ns):
+        step = self._count // EVERY
+        target = (0.0 if step < 5 else 0.3, 0.0, 0.0)
+        turns = 40 <= step < 50
+        spin = (0.0, 0.0, 0.5)
+        sent = velocity_command(now, (0.1, 0.0, 0.0), spin) if turns else Command(now, (), target)
+        self._governor.take(sent)
+        before = self._governor
+        if step == 120:
+            before.stop()
+        if step > 120 and before.rests and not self._renewed:
+            self._governor, self._renewed = self._made(), True
+            self._governor.go_on(before)
+            self._settings("governor", now, {"model": format_model(self.model)}, log_ns)
+            self._governor.take(sent)
+        self.moved.append(self._governor.step(now))
+        self._tell(self.moved[-1], now, log_ns)
+
+    def _made(self):
+        self._renewed, self.moved = hasattr(self, "_governor"), getattr(self, "moved", [])
+        return super()._made()
+
+
 @pytest.fixture(autouse=True)
 def types(monkeypatch):
     monkeypatch.setitem(live_bag.PARAMETERS, "governor", ROBOT)
@@ -175,6 +199,16 @@ def test_steps_with_a_robot_come_out_again_bit_for_bit(tmp_path):
     assert found.recorded == 500
     assert bag.reasons == {StopReason.NONE, StopReason.SILENT, StopReason.JOINTS,
                            StopReason.REQUESTED}  # fmt: skip
+
+
+def test_targets_come_out_again_after_a_turn_and_another_container(tmp_path):
+    bag = ToldBag()
+    _, found = replayed(bag, tmp_path, 5.0)
+    assert found.exact, found.lines()
+    assert found.recorded == len(bag.moved)
+    assert {one.reason for one in bag.moved} >= {StopReason.TURN, StopReason.REQUESTED}
+    assert [one.steps for one in bag.moved].count(1) == 2
+    assert bag.moved[-1].position[0] == pytest.approx(0.3, abs=0.003)
 
 
 def test_a_difference_is_told(tmp_path):

@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from slosh_estimator.errors import SloshEstimatorError
+from slosh_model.checks import mistaken_unit
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model
 from slosh_model.standing import BOUNDS, Standing
-from slosh_model.tray import Tray
+from slosh_model.tray import HIGHEST_LIMIT, Tray
 
 CONTAINER: Final = "container"
 EMPTY: Final = "gripper_empty"
@@ -32,6 +33,9 @@ class HeldContainer:
         limit: of the heights [m]; NaN: that of each node.
         fresh: whether the liquid is another than before: still where the container is at rest.
         standing: how the container stands on a tray; None: it is held.
+
+    Raises:
+        SloshEstimatorError: an impossible limit.
     """
 
     model: Model
@@ -41,6 +45,9 @@ class HeldContainer:
     limit: float = math.nan
     fresh: bool = False
     standing: Standing | None = None
+
+    def __post_init__(self) -> None:
+        given_limit(self.limit)
 
     def changed(
         self,
@@ -68,7 +75,7 @@ class HeldContainer:
                 without its standing.
             SloshModelError: the container cannot be filled so, or cannot stand so.
         """
-        fill, limit = (math.nan if value == 0.0 else value for value in (fill_height, limit))
+        fill, limit = fill_height or math.nan, given_limit(limit)
         given = bool(name) or model is not None or not math.isnan(fill) or len(standing) > 0
         if empty and given:
             raise SloshEstimatorError("empty with a container: give one of the two")
@@ -76,8 +83,6 @@ class HeldContainer:
             return replace(self, empty=True, fresh=False, limit=math.nan, fill_height=math.nan)
         if not given and not self.empty:
             raise SloshEstimatorError("nothing to change: give empty, name, model or fill_height")
-        if limit < 0.0 or math.isinf(limit):
-            raise SloshEstimatorError(f"limit = {limit!r} m must be positive")
         held = self.model if model is None else model
         if not math.isnan(fill):
             held = held.filled_to(fill)
@@ -144,6 +149,25 @@ def changed_place(parameters: Mapping[str, Any]) -> str:
     return str(parameters.get(TRAY_PLACE) or "")
 
 
+def given_limit(limit: float) -> float:
+    """Returns a limit of heights [m] that a request or message gives; NaN where it gives none.
+
+    Args:
+        limit: [m]; NaN or 0: none.
+
+    Raises:
+        SloshEstimatorError: an impossible limit.
+    """
+    if not limit or math.isnan(limit):
+        return math.nan
+    if not 0.0 < limit <= HIGHEST_LIMIT:
+        meant = mistaken_unit(limit, "m", 0.0, HIGHEST_LIMIT)
+        raise SloshEstimatorError(
+            f"limit = {limit!r} m must lie above 0 and up to {HIGHEST_LIMIT:g} m{meant}"
+        )
+    return limit
+
+
 def held_by(message: Any, start: Model) -> HeldContainer:
     """Returns the gripper's content according to a ContainerChange message.
 
@@ -153,10 +177,11 @@ def held_by(message: Any, start: Model) -> HeldContainer:
 
     Raises:
         SloshModelError: its model cannot be read.
+        SloshEstimatorError: an impossible limit.
     """
     model = parse_model(message.model, "container.model") if message.model else start
     return HeldContainer(
-        model, message.name, not message.present, message.fill_height, message.limit
+        model, message.name, not message.present, message.fill_height, given_limit(message.limit)
     )
 
 

@@ -115,6 +115,12 @@ def test_a_measured_frequency_follows_the_fill():
         ({"fill_height": math.inf}, "fill_height"),
         ({"fill_height": 60.0}, "fill_height"),
         ({"fill_height": 0.05, "limit": -0.01}, "limit"),
+        ({"fill_height": 0.05, "limit": math.inf}, "limit"),
+        (
+            {"fill_height": 0.05, "limit": 1e300},
+            "limit = 1e\\+300 m must lie above 0 and up to 10 m",
+        ),
+        ({"fill_height": 0.05, "limit": 12.0}, "did you mean 12 mm"),
     ],
 )
 def test_what_cannot_be_is_refused_in_a_line(given, message):

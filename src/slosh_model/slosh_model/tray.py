@@ -30,6 +30,8 @@ TRAY = "tray"
 FARTHEST = 2.0
 """Largest coordinate of a place [m]."""
 _KEY = "containers"
+HIGHEST_LIMIT = 10.0
+"""Greatest limit of a container's heights [m], in files, requests and recordings alike."""
 _KEYS = ("name", "model", "place", "limit", "standing", "empty")
 _NAME = re.compile(r"[\w-][\w.-]{0,39}")
 
@@ -256,9 +258,10 @@ def _place(
 
 def _limit(document: YamlDocument, index: int, entry: Mapping[str, Any]) -> float:
     given = entry.get("limit", math.nan)
-    if not _is_number(given) or not (math.isnan(given) or 0.0 < given <= 10.0):
+    if not _is_number(given) or not (math.isnan(given) or 0.0 < given <= HIGHEST_LIMIT):
         raise SloshModelError(
-            f"{document.where(_KEY, index)}: limit = {shown(given)} must be a height in metres"
+            f"{document.where(_KEY, index)}: limit = {shown(given)} must be a height in metres, "
+            f"up to {HIGHEST_LIMIT:g}"
         )
     return float(given)
 

@@ -161,7 +161,7 @@ def fails(kind):
         return rows + [(0.4, math.nan, 0.0)] + [(0.4, 0.0, 0.0)] * 30 + [
             None
         ] * 170, StopReason.INVALID
-    return rows + [(400.0, 0.0, 0.0)] * 200, StopReason.INVALID
+    return rows + [(400.0, 0.0, 0.0)] * 200, StopReason.FAST
 
 
 @pytest.mark.parametrize("kind", ["silence", "NaN", "unit"])

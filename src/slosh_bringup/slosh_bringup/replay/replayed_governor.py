@@ -12,6 +12,7 @@ import numpy as np
 from slosh_base.files.nanoseconds import SECOND
 from slosh_model.tray import TRAY, parse_tray
 from slosh_msgs_py.topics import FUSED_ESTIMATE, GOVERNED_MOTION, TOPICS
+from slosh_plan.errors import SloshPlanError
 from slosh_plan.governor import Command, Governed, Governor, SeenLiquid, StopReason
 from slosh_plan.governor.parameters import arm_of, governor_of
 from slosh_plan.joints import Arm
@@ -38,6 +39,8 @@ _ROWS = {
     "joint_position": ("joints", 2), "target_velocity": ("wanted", 0), "target": ("wanted", 1),
 }  # fmt: skip
 """Sequences of GovernedMotion.msg by the attributes of Governed and their rows."""
+_AT_THE_DOOR = (StopReason.TURN, StopReason.FRAME)
+"""Why the node refuses a command whose numbers it does not record."""
 STEPS, TAKEN, REASON, AGE = "steps", "commands_taken", "reason", "command_age"
 LIQUID = ("liquid_stamp.sec", "liquid_stamp.nanosec")
 SINCE = ("unknown_since.sec", "unknown_since.nanosec")
@@ -116,6 +119,8 @@ class _Step(NamedTuple):
         if not any(map(math.isnan, target)):
             given = () if any(map(math.isnan, velocity)) else velocity
             return Command(sent, given, target)
+        if self.reason in _AT_THE_DOOR and any(map(math.isnan, velocity)):
+            return Command(sent, velocity, refused=StopReason(self.reason))
         return Command(sent, velocity)
 
 
@@ -157,10 +162,16 @@ class ReplayedGovernor:
             self._start = self._starts.popleft()
             if self._starts and not self._starts[0].stamp_ns:
                 break  # the next process
-        self._governor, self._liquid_ns = None, 0
-        if self._start is not None:
+        before, self._governor, self._liquid_ns = self._governor, None, 0
+        if self._start is None:
+            return
+        try:
             self._governor = _governor_of(self._start, self._places)
-            self._governor.wait_since(step.since_ns)
+        except SloshPlanError:
+            return  # the node refused these settings, too, and told so
+        self._governor.wait_since(step.since_ns)
+        if before is not None and self._start.stamp_ns:  # not another process
+            self._governor.go_on(before)
 
     def _follow(self, step: _Step, governor: Governor) -> Governed:
         while governor.commands < step.taken:

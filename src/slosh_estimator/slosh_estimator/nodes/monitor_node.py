@@ -18,6 +18,7 @@ from slosh_base.files.yaml_document import parse_yaml
 from slosh_estimator import SOURCES
 from slosh_estimator.agreement import MotionAgreement
 from slosh_estimator.comparison import Comparison, EstimatePoint
+from slosh_estimator.held_container import given_limit
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import (
@@ -185,6 +186,7 @@ class MonitorNode(GuardedNode):
         """After a change of the container, applies the new container's limits to later data."""
         try:
             model = parse_model(message.model, topics.CONTAINER) if message.model else None
+            limit = given_limit(message.limit)
         except ValueError as error:
             self.get_logger().error(f"{topics.CONTAINER}: not followed: {error}")
             return
@@ -192,8 +194,8 @@ class MonitorNode(GuardedNode):
             return  # another place of the tray has changed, as the settings say
         before = dict(self._rim)
         self._rim.clear()
-        if message.present and message.limit > 0.0:
-            self._rim.update(dict.fromkeys(HEIGHT_LIMITS, message.limit))
+        if message.present and not math.isnan(limit):
+            self._rim.update(dict.fromkeys(HEIGHT_LIMITS, limit))
         rim = before.get(RIM, math.nan)
         if model is not None:
             self._model, settings = model, MonitorSettings.from_parameters(self._given)

@@ -72,6 +72,11 @@ class SilentTopic:
         strange = f"; it is also published as {others[0]}, which is not received" if others else ""
         return f"the publisher of {name} sends no messages{self._unshared()}{strange}"
 
+    def misfit(self) -> str:
+        """Says that the topic is published with other types alone; empty if it is not."""
+        types = self._types()
+        return self.reason() if types and self._type_name not in types else ""
+
     def _unshared(self) -> str:
         """Returns a hint that shared memory may fail between users; empty once a message came."""
         if self._has_heard or not has_shared_memory(os.environ):

@@ -29,6 +29,9 @@ class StopReason(IntEnum):
     LATE = 3
     REQUESTED = 4
     JOINTS = 5
+    TURN = 6
+    FAST = 7
+    FRAME = 8
 
 
 class Command(NamedTuple):
@@ -40,11 +43,13 @@ class Command(NamedTuple):
             or joints [rad/s or m/s]; empty: 0. With a target, that of the target.
         target: a place to go to [m], or joint positions [rad or m]; None: the velocity is
             commanded. At the first target of a run the container is there.
+        refused: why it was refused where it was read; its numbers are NaN then.
     """
 
     stamp_ns: int
     velocity: tuple[float, ...] = ()
     target: tuple[float, ...] | None = None
+    refused: StopReason = StopReason.NONE
 
 
 class SeenLiquid(NamedTuple):

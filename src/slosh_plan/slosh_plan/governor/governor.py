@@ -226,6 +226,16 @@ class Governor:
         """Sets whether the joints' positions are unknown, which makes the governor stop."""
         self._lost = lost
 
+    def go_on(self, before: Governor) -> None:
+        """Takes over the place of the container and that of its targets from a governor at rest.
+
+        For another container, or another model of it, in the same robot: without this the next
+        target would be taken for the present place. Joints know their places themselves.
+        """
+        if self.arm is None and before.arm is None:
+            self._motion[layout.PLACE] = before.place
+            self._origin = before._origin
+
     def release(self) -> bool:
         """Ends a requested stop if the container is at rest; returns whether it did."""
         if self._reason is StopReason.REQUESTED and self.rests:
@@ -429,8 +439,10 @@ class Governor:
             return
         reason = StopReason.NONE
         if self._command is not None:
-            if not self._possible(self._command):
-                reason = StopReason.INVALID
+            reason = self._refusal(self._command)
+            if reason is not StopReason.NONE:
+                told = self._reason is StopReason.REQUESTED
+                self._reason = self._reason if told else reason
             elif now_ns - self._taken_ns > self.timeout * SECOND:
                 reason = StopReason.SILENT
             elif late:
@@ -442,18 +454,20 @@ class Governor:
         elif self.rests and self._command is not None and self._reason != StopReason.REQUESTED:
             self._reason = StopReason.NONE
 
-    def _possible(self, command: Command) -> bool:
-        """Whether a command is valid: finite, plausible, with one value per coordinate."""
-        size, fast = self._motion.shape[1], TUNING.governor_fastest
-        if len(command.velocity) not in (0, size) or not math.hypot(*command.velocity) <= fast:
-            return False
-        if command.target is None:
-            return len(command.velocity) == size
-        if len(command.target) != size:
-            return False
-        if self.arm is not None:
-            return self.arm.usable(command.target)
-        return math.hypot(*command.target) <= FARTHEST
+    def _refusal(self, command: Command) -> StopReason:
+        """Returns why a command is refused: NONE if it is finite, plausible and complete."""
+        if command.refused is not StopReason.NONE:
+            return command.refused
+        size, speed = self._motion.shape[1], math.hypot(*command.velocity)
+        if TUNING.governor_fastest < speed < math.inf:
+            return StopReason.FAST
+        numbers = command.velocity if command.target is None else command.target
+        usable = len(command.velocity) in (0, size) and len(numbers) == size and speed < math.inf
+        if usable and command.target is not None:
+            usable = math.hypot(*command.target) <= FARTHEST
+            if self.arm is not None:
+                usable = self.arm.usable(command.target)
+        return StopReason.NONE if usable else StopReason.INVALID
 
     def _velocity(self) -> Array:
         """Returns the velocity (D,) to aim at; it is proportional to the distance to a target."""

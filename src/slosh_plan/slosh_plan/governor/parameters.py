@@ -10,7 +10,7 @@ import numpy as np
 
 from slosh_model.model import Model
 from slosh_model.tray import Tray
-from slosh_plan.governor.commands import Command, ModelDoubt
+from slosh_plan.governor.commands import Command, ModelDoubt, StopReason
 from slosh_plan.governor.governor import Governor
 from slosh_plan.governor.robot_arm import GovernedArm, with_defaults
 from slosh_plan.planning.limits import PlanLimits
@@ -20,7 +20,8 @@ POSITION, VELOCITY = "position", "velocity"
 """What the numbers of `joint_values` are."""
 TURNS = 1e-3
 """A larger angular velocity of a command [rad/s] is refused: it tilts or turns the container."""
-_NOWHERE = (math.nan,) * 3
+NOWHERE = (math.nan,) * 3
+"""Numbers of a command of the container's motion that is refused."""
 
 
 def governor_of(
@@ -65,14 +66,16 @@ def commands_joints(parameters: Mapping[str, Any]) -> bool:
 def velocity_command(
     stamp_ns: int, linear: tuple[float, ...], angular: tuple[float, ...]
 ) -> Command:
-    """Creates a command from a TwistStamped; a rotation of the container makes it invalid.
+    """Creates a command from a TwistStamped; one that turns the container is refused.
 
     Args:
         stamp_ns: of the message [ns].
         linear, angular: x, y, z [m/s, rad/s].
     """
-    x, y, z = linear if math.hypot(*angular) <= TURNS else _NOWHERE
-    return Command(stamp_ns, (x, y, z))
+    turn = math.hypot(*angular)
+    if turn > TURNS:
+        return Command(stamp_ns, NOWHERE, refused=StopReason.TURN)
+    return Command(stamp_ns, NOWHERE if math.isnan(turn) else linear)
 
 
 def arm_of(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,10 +13,57 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_msgs.msg import GovernedMotion
 from slosh_msgs_py.conversions import filled
 from slosh_msgs_py.stamps import to_duration, to_nanoseconds, to_time
-from slosh_plan.governor import Command, Governed
-from slosh_plan.governor.parameters import velocity_command
+from slosh_plan.governor import Command, Governed, StopReason
+from slosh_plan.governor.parameters import NOWHERE, velocity_command
+from slosh_plan.tuning import TUNING
 
 AXES = "xyz"
+_WHY = {
+    StopReason.SILENT: "no usable command for longer than the parameter timeout",
+    StopReason.INVALID: "the command has NaN, a wrong number of values or an impossible target",
+    StopReason.LATE: "a step came late, or the clock jumped",
+    StopReason.TURN: "the command turns the container, which is refused: send angular velocity 0",
+}
+"""What reasons to stop mean, in words; others are told with what the message says."""
+
+
+def why(moved: Governed, topic: str, frames: tuple[str, str]) -> str:
+    """Says in words why a governor stops, and what helps; empty where the reason says all.
+
+    Args:
+        moved: its last step.
+        topic: of the commands.
+        frames: of the last command, and of the world.
+    """
+    if moved.reason is StopReason.FAST:
+        speed, most = math.hypot(*moved.wanted[0]), TUNING.governor_fastest
+        return f"{topic} asks for {speed:g} m/s or rad/s, above {most:g}: send m/s, not mm/s"
+    if moved.reason is StopReason.FRAME:
+        given, world = frames
+        return (
+            f"{topic} is in the frame {given!r:.60}, not in {world!r}: send it in {world!r}, or "
+            "set the parameter world_frame"
+        )
+    return _WHY.get(moved.reason, "")
+
+
+def in_frame(message: Any, world: str) -> bool:
+    """Whether a command is in the world's frame, by name or by an empty `frame_id`."""
+    given = message.header.frame_id.lstrip("/")
+    return not given or given == world.lstrip("/")
+
+
+def motion_command(message: Any, world: str) -> Command:
+    """Creates a command from a TwistStamped or PoseStamped; one in another frame is refused.
+
+    Args:
+        message: the commanded velocity or pose of the container.
+        world: name of the world's frame.
+    """
+    if not in_frame(message, world):
+        stamp_ns = to_nanoseconds(message.header.stamp)
+        return Command(stamp_ns, NOWHERE, refused=StopReason.FRAME)
+    return twist_command(message) if isinstance(message, TwistStamped) else pose_command(message)
 
 
 def twist_command(message: TwistStamped) -> Command:

@@ -27,16 +27,24 @@ from slosh_msgs_py.node.prepared import PreparedNode
 from slosh_msgs_py.node.readiness import Progress
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
+from slosh_msgs_py.node.silence import SilentTopic
 from slosh_msgs_py.stamps import to_nanoseconds
 from slosh_plan.errors import SloshPlanError
-from slosh_plan.governor import Command, Governed, Governor, GovernorState, SeenLiquid
+from slosh_plan.governor import (
+    Command,
+    Governed,
+    Governor,
+    GovernorState,
+    SeenLiquid,
+    StopReason,
+)
 from slosh_plan.governor.parameters import arm_of, governor_of
 from slosh_plan.nodes.governor_messages import (
     governed_message,
-    pose_command,
+    motion_command,
     safe_twist,
     stop_message,
-    twist_command,
+    why,
 )
 from slosh_plan.nodes.governor_parameters import PARAMETERS
 from slosh_plan.nodes.held_container import ContainerWatch
@@ -81,7 +89,7 @@ class GovernorNode(PreparedNode):
         )
         self._core: Governor | None = None
         self._moved: Governed | None = None
-        self._waits, self._refused = False, ""
+        self._waits, self._refused, self._frame = False, "", ""
         self._at_rest = bool(values["starts_at_rest"])
         self._held: tuple[object, ...] = ()
         self._unseen = ""
@@ -118,8 +126,9 @@ class GovernorNode(PreparedNode):
             self.create_subscription(
                 JointState, topics.JOINT_STATES, self._joints.hear, qos.STREAM_IN
             )
-        topic = topics.COMMANDING[values["command"]].name
-        self.create_subscription(kind, topic, self._on_command, qos.STREAM_IN)
+        wanted = topics.COMMANDING[values["command"]]
+        self.create_subscription(kind, wanted.name, self._on_command, qos.STREAM_IN)
+        self._silence = SilentTopic(self, wanted.name, wanted.type)
         self.create_subscription(
             FusedEstimate, topics.FUSED_ESTIMATE, self._on_fused, qos.STREAM_IN
         )
@@ -136,7 +145,10 @@ class GovernorNode(PreparedNode):
             arm = None
             if not self._joints.missing:
                 arm = arm_of(self._robot, self._joints.places, self._values)
+            before = self._core
             self._core = governor_of(held, self._values, arm, at_rest=self._at_rest)
+            if before is not None:
+                self._core.go_on(before)
             self._refused = ""
         except SloshPlanError as error:
             self._core, self._refused = None, str(error)
@@ -147,14 +159,14 @@ class GovernorNode(PreparedNode):
         self._report.counts["command"] += 1
         if self._core is None or self._joints.missing:
             return
+        self._silence.heard()
         if self._of_joints is not None:
             command: Command = self._of_joints.command(
                 message, self._names, self._values["values"]
             )
-        elif isinstance(message, TwistStamped):
-            command = twist_command(message)
         else:
-            command = pose_command(message)
+            self._frame = message.header.frame_id
+            command = motion_command(message, self._values["world_frame"])
         self._core.take(command)
 
     def _on_fused(self, message: FusedEstimate) -> None:
@@ -281,7 +293,8 @@ class GovernorNode(PreparedNode):
             return WARN, self._joints.waiting
         moved = self._moved
         if moved is None or (not moved.steps and moved.safe):
-            return (WARN, self._lost) if self._lost else (OK, "no command yet")
+            waits = self._lost or self._silence.misfit()
+            return (WARN, waits) if waits else (OK, "no command yet")
         if not moved.safe:
             whose = f" {moved.worst}" if moved.worst else ""
             found = (
@@ -290,7 +303,9 @@ class GovernorNode(PreparedNode):
             )
             if moved.unknown_cause:
                 found += f", {1e3 * moved.unknown:.3g} mm of it since {moved.unknown_cause}"
-            return ERROR, found
+            doing = moved.state.name.lower()
+            beside = self._stop_told(moved, doing) if moved.reason else self._silence.misfit()
+            return ERROR, f"{found}; {beside}" if beside else found
         doing = moved.state.name.lower()
         if self._lost:
             return WARN, f"{doing}: {self._lost}"
@@ -299,8 +314,16 @@ class GovernorNode(PreparedNode):
         if moved.refused_by:
             doing += f", {moved.refused_by}"
         if moved.state is GovernorState.STOPPING or moved.reason:
-            return WARN, f"{doing}: {moved.reason.name.lower()}"
+            return WARN, self._stop_told(moved, doing)
         return OK, doing
+
+    def _stop_told(self, moved: Governed, doing: str) -> str:
+        """Says why it stops, and what helps."""
+        frames = self._frame, self._values["world_frame"]
+        text = why(moved, self._silence.full_name, frames)
+        if moved.reason is StopReason.SILENT:
+            text = self._silence.misfit() or text
+        return f"{doing}: {moved.reason.name.lower()}" + (text and f": {text}")
 
     def _facts(self) -> dict[str, Any]:
         times = np.array(self._seconds or [0.0])
