@@ -32,7 +32,18 @@ PATIENCE = 60.0
 # A Header of stamp 0 with the frame "a".
 HEADER, DATA = "std_msgs/msg/Header", bytes.fromhex("000100000000000000000000020000006100")
 MANY_MESSAGES, MANY_ROWS, MANY_IMAGES = 200_000, 60_000, 40
-NO_OUTPUT = ("migrate", "play", "plc", "store", "watch", "doctor", "explain", "mounting")
+NO_OUTPUT = (
+    "migrate",
+    "play",
+    "plc",
+    "store",
+    "watch",
+    "doctor",
+    "explain",
+    "mounting",
+    "node",
+    "call",
+)
 
 
 @pytest.fixture(scope="module")
@@ -514,6 +525,7 @@ ALLOWED = {
     "slosh_model/for_notebooks.py": "savefig into memory",
     "slosh_report/page/svg.py": "savefig into memory",
     "slosh_base/compiled/compile_cache.py": "compiled code, which is the cache's alone",
+    "slosh_replay/journaled/replay.py": "recorded texts in a temporary folder",
     "slosh_msgs_py/node/dead_ports.py": "locks of what killed nodes have left",
     "slosh_msgs_py/node/shared_memory.py": "what killed nodes have left there",
 }

@@ -154,7 +154,8 @@ def test_each_printed_command_can_be_typed(capsys, discovery, tables, tmp_path, 
     found = printed_commands(capsys.readouterr().out)
     assert found
     for words in found:
-        assert main(ready_to_run(words[1:], given)) in (0, 1), words
+        if words[1] != "call":  # that needs a running cell
+            assert main(ready_to_run(words[1:], given)) in (0, 1), words
         capsys.readouterr()
 
 

@@ -49,7 +49,8 @@ def test_simulate_writes_heights(capsys, motion, tmp_path):
     table = np.genfromtxt(output, delimiter=",", names=True)
     assert table.dtype.names == ("t", "msh", "azimuth", "sh_x", "sh_y")
     assert len(table) == facts["samples"] == 1500
-    assert table["msh"].max() == facts["peak"] > 0.005
+    # The peak is looked for between the rows, too.
+    assert 0.005 < table["msh"].max() <= facts["peak"] < 1.001 * table["msh"].max()
     assert np.allclose(table["msh"], np.hypot(table["sh_x"], table["sh_y"]))
     assert not table["sh_x"].any()  # a motion along y
 
@@ -71,8 +72,9 @@ def test_simulate_writes_what_a_sensor_would_read(capsys, motion, tmp_path):
         assert np.array_equal(read[name], liquid[name])
     late = np.interp(read["t"] - 0.1, liquid["t"], liquid["msh"])
     assert read["msh"] == pytest.approx(late + 0.002, abs=2e-6)
-    assert facts["peak"] == read["msh"].max() == pytest.approx(liquid["msh"].max() + 0.002, 1e-3)
-    assert facts["peak_time"] == read["t"][np.argmax(read["msh"])]
+    assert facts["peak"] == pytest.approx(read["msh"].max(), 1e-3)
+    assert facts["peak"] == pytest.approx(liquid["msh"].max() + 0.002, 1e-3)
+    assert facts["peak_time"] == pytest.approx(read["t"][np.argmax(read["msh"])], abs=2e-3)
 
 
 def simulated(capsys, table, *options):
@@ -150,7 +152,7 @@ def test_a_gap_in_the_motion_is_named_with_time_and_length(capsys, motion, tmp_p
         code = main([command, MODEL, str(table), *output])
         said = capsys.readouterr().err
         assert (code != 0) is is_gap
-        assert bool(re.search(rf"gap\.csv: a gap.*{lost:g} s .*0\.6", said)) is is_gap
+        assert bool(re.search(rf"gap\.csv: .*a gap.*{lost:g} s .*0\.6", said)) is is_gap
 
 
 def test_a_time_in_microseconds_is_refused_at_once_and_read_when_named(capsys, motion, tmp_path):
