@@ -116,9 +116,8 @@ def _half(outline: Sequence[Piece], turned: bool, scale: float) -> list[Side]:
     parts: list[Piece] = []
     for piece in pieces:
         cuts = [0.0, *piece.shares_at(0.0, 1), 1.0]
-        for start, end in itertools.pairwise(cuts):
-            if end - start > 1e-9:
-                parts.append(piece.part(start, end))
+        found = [piece.part(start, end) for start, end in itertools.pairwise(cuts)]
+        parts += [part for part in found if _has_length(part)]
     above = [bool(part.one(0.5)[1] > 0.0) for part in parts]
     first = next(k for k in range(len(parts)) if above[k] and not above[k - 1])
     order = [(first + k) % len(parts) for k in range(len(parts))]
@@ -132,13 +131,24 @@ def _quarter(half: Sequence[Side]) -> list[Side]:
     wall = []
     for side in half[:-1]:
         cuts = side.piece.shares_at(0.0, 0)
-        wall.append(Side(side.piece.part(0.0, cuts[0]), "wall") if cuts else side)
+        part = side.piece.part(0.0, cuts[0]) if cuts else side.piece
+        if _has_length(part):
+            wall.append(Side(part, "wall"))
         if cuts:
             break
     right, top = wall[0].piece.one(0.0), wall[-1].piece.one(1.0)
     across = line((0.0, float(top[1])), (0.0, 0.0))
     along = line((0.0, 0.0), (float(right[0]), 0.0))
     return [*wall, Side(across, ACROSS_AXIS), Side(along, ALONG_AXIS)]
+
+
+def _has_length(part: Piece) -> bool:
+    """Whether a part of a scaled outline is more than what rounding leaves of a corner.
+
+    A corner on an axis of symmetry lies beside it by a rounded digit. The next side then begins
+    on the axis instead.
+    """
+    return float(np.ptp(part.fine(), axis=0).max()) > TUNING.on_axis
 
 
 def _swapped(piece: Piece) -> Piece:
