@@ -174,6 +174,7 @@ def regular(corners, radius, angle, centre, digits):
         (math.pi / 6, (0.0137, -0.0212), 6),
         (math.pi / 6, (0.3, -0.1), 7),
         (0.3, (-0.05, 0.02), 6),
+        (2.510897508238838, (0.0, 0.0), 7),
     ],
 )
 def test_rounded_corners_beside_an_axis_of_symmetry(

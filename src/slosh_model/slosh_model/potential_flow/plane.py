@@ -131,6 +131,8 @@ def _quarter(half: Sequence[Side]) -> list[Side]:
     wall = []
     for side in half[:-1]:
         cuts = side.piece.shares_at(0.0, 0)
+        if not cuts and side.piece.one(0.5)[0] < 0.0:
+            break  # the side before it ends on the axis
         part = side.piece.part(0.0, cuts[0]) if cuts else side.piece
         if _has_length(part):
             wall.append(Side(part, "wall"))
