@@ -191,6 +191,34 @@ def test_a_regular_polygon_by_its_symmetry_is_that_computed_as_a_whole():
     assert prism.natural_frequency(1) == pytest.approx(whole.natural_frequency, rel=1e-4)
 
 
+def test_an_octagon_whose_corner_lies_beside_its_axis_is_that_computed_as_a_whole():
+    prism = Prism(outline=regular(8, 0.04, 2.510897508238838, (0.0, 0.0), 7), fill_height=0.06)
+    plane = modes_without_symmetry(prism.contour, 1.0, 3)
+    (whole, *_) = prism_modes(plane, prism.fill_height)
+    assert prism.natural_frequency(1) == pytest.approx(whole.natural_frequency, rel=1e-4)
+
+
+NOTCH = (
+    (0.0, 0.0), (0.06, 0.0), (0.06, 0.03), (1e-4, 0.0300001), (0.06, 0.0300002), (0.06, 0.06),
+    (0.0, 0.06),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("points", "refusal"),
+    [
+        (((0.0, 0.0), (0.0, 0.1), (0.0, 0.05)), "no width: all points lie on one upright line"),
+        (((1e6, 0.0), (1e6 + 0.1, 0.0), (1e6, 0.1)), r"more than 10000 m from its origin"),
+        (((0.0, 0.0), (0.1, 0.0), (0.1, 0.004), (0.0, 0.004)), "25 times as long as wide"),
+        (NOTCH, "parts too narrow to compute"),
+    ],
+    ids=["upright", "far away", "slot", "notch"],
+)
+def test_an_outline_beyond_what_is_computed_is_refused(points, refusal):
+    with pytest.raises(SloshModelError, match=refusal):
+        Prism(outline=points, fill_height=0.06).natural_frequency(1)
+
+
 def test_an_unknown_height_on_a_wall_with_corners_stays_unknown():
     container = jar(((0.0, 0.0), (0.1, 0.0), (0.03, 0.08)))
     heights = np.array([math.nan, 0.001, math.nan]), np.array([0.001, math.nan, math.nan])

@@ -20,6 +20,7 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
+from slosh_model.errors import SloshModelError
 from slosh_model.potential_flow.directed import modes_without_symmetry
 from slosh_model.potential_flow.finite_elements import (
     bases,
@@ -78,13 +79,14 @@ def plane_modes(outline: Sequence[Piece], count: int) -> tuple[PlaneModes, ...]:
         count: number of modes along each axis.
 
     Raises:
-        SloshModelError: too intricate, or scikit-fem is missing.
+        SloshModelError: too intricate or too narrow, or scikit-fem is missing.
     """
     # Of a straight piece three places tell all.
     places = np.vstack(
         [piece.at(np.array([0.0, 0.5])) if piece.straight else piece.fine()[:-1:2]
          for piece in outline]
     )  # fmt: skip
+    _check_width(places)
     scale = float(np.abs(places).max())
     turn = axis_of_symmetry(places)
     if turn is None:
@@ -103,6 +105,18 @@ def plane_modes(outline: Sequence[Piece], count: int) -> tuple[PlaneModes, ...]:
         along = (axis == 1) == (not about_x)
         found.append(_family(sides, along, axis, scale, count, turn))
     return tuple(found)
+
+
+def _check_width(places: Array) -> None:
+    """Raises an error for an outline whose modes across it come after hundreds along it."""
+    azimuths = np.linspace(0.0, math.pi, 180, endpoint=False)
+    extents = np.ptp(places @ np.vstack((np.cos(azimuths), np.sin(azimuths))), axis=0)
+    ratio = float(extents.max() / extents.min())
+    if ratio > TUNING.most_slender:
+        raise SloshModelError(
+            f"container.outline is {ratio:.3g} times as long as wide, at most "
+            f"{TUNING.most_slender:g} is computed; give a box as rectangle"
+        )
 
 
 def _half(outline: Sequence[Piece], turned: bool, scale: float) -> list[Side]:

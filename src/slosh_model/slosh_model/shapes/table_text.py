@@ -26,7 +26,7 @@ _LONGEST = 64_000
 _NAME = re.compile(r"[\s\"'#]*([a-z]+)", re.IGNORECASE)
 _BACKWARDS = (
     ["z", "r"], ["z", "x"], ["y", "x"], ["y", "r"],
-    ["z", "radius"], ["height", "radius"], ["height", "r"], ["h", "r"],
+    ["z", "radius"], ["height", "radius"], ["height", "r"], ["h", "r"], ["z", "y"],
 )  # fmt: skip
 
 
