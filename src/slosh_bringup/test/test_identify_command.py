@@ -159,3 +159,24 @@ def test_wrong_input_is_refused_in_one_line(shop, tmp_path, capsys, change, matc
 def test_without_a_model_it_asks_for_one(shop, tmp_path, capsys):
     line = complaint(capsys, "identify", shop / "runs", "-o", tmp_path / "o")
     assert "no model: give --model" in line
+
+
+@pytest.mark.parametrize(
+    ("columns", "refusal"),
+    [
+        ("{x:.6f},0,0,0", "all heights are 0"),
+        ("1e300,0,0,{x:.6f}", "accelerations reach 1e+300 m/s²"),
+    ],
+)
+def test_a_table_of_no_measurement_gets_one_line(shop, tmp_path, capsys, columns, refusal):
+    rows = [
+        f"{0.005 * n:.4f}," + columns.format(x=1e-2 * math.sin(0.1 * n)) for n in range(1, 400)
+    ]
+    table = tmp_path / "run.csv"
+    table.write_text("\n".join(("t,ax,ay,az,eta_000", *rows)) + "\n")
+    call = ("identify", table, "--model", shop / "model.yaml", "-o", tmp_path / "found")
+    assert main([str(word) for word in call]) == 2
+    *notes, line = [x for x in capsys.readouterr().err.splitlines() if x.startswith("slosh")]
+    assert line.startswith("slosh identify: ")
+    assert refusal in line
+    assert all(": warning: " in note for note in notes)

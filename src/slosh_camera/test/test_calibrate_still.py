@@ -341,6 +341,19 @@ def test_of_two_lines_alike_a_click_tells_the_level(make_scene, height):
     assert found == pytest.approx(v, abs=2.2)
 
 
+@pytest.mark.first(2)
+@pytest.mark.parametrize("camera_height", [0.04, 0.0])
+@pytest.mark.parametrize(("ring", "fill"), [(0.0, 0.04), (0.055, 0.07)], ids=["ring", "rim"])
+def test_a_line_whose_sides_go_on_below_the_floor_is_no_level(
+    make_scene, ring, fill, camera_height
+):
+    """An empty glass with one line around it, whose floor is deeper than the fill height."""
+    scene = make_scene(camera_height=camera_height)
+    camera = scene.calibration().view.camera
+    image = scene.with_rings(scene.with_sides(scene.empty()), (ring,))
+    assert "sides go on below" in refusal(image, camera, Cup(scene.radius, fill))
+
+
 def test_a_click_must_be_in_the_image_and_on_the_container(make_scene):
     image, truth, cup = drawn(make_scene(camera_height=0.05))
     for pixel, words in (((700.0, 20.0), "outside the image"), ((20.0, 20.0), "--level")):

@@ -57,3 +57,10 @@ def test_where_another_line_may_be_the_level_a_click_is_asked_for(name, fill):
     image, camera = still(name)
     with pytest.raises(SloshCameraError, match="--level U V"):
         calibrate_by_edges(image, camera, Cup(RADIUS, fill))
+
+
+@pytest.mark.long
+def test_the_rim_of_an_empty_cylinder_is_no_level():
+    image, camera = still("10")
+    with pytest.raises(SloshCameraError, match="sides go on below"):
+        calibrate_by_edges(image, camera, Cup(RADIUS, 0.15))

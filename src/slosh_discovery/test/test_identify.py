@@ -355,6 +355,23 @@ def test_impossible_values_give_no_model():
     assert fitted_model(BASE, {"static_tilt.roll": 0.1}).has("static_tilt")
 
 
+@pytest.mark.parametrize(
+    ("height", "acceleration", "match"),
+    [
+        (0.0, 1.0, "all heights are 0: nothing was measured"),
+        (1e-3, 1e300, r"accelerations reach 1e\+300 m/s², more than any robot's"),
+        (1e300, 1.0, "must be given in metres"),
+    ],
+)
+def test_measurements_that_are_none_are_refused(height, acceleration, match):
+    t = np.linspace(0.0, 1.0, 201)
+    across = np.zeros((len(t), 3))
+    across[:, 0] = acceleration * np.sin(9.0 * t)
+    eta = height * np.cos(9.0 * t)[:, np.newaxis]
+    with pytest.raises(SloshDiscoveryError, match=match):
+        MeasuredMotion("run", Inputs(t, across), t, eta=eta, eta_azimuth=np.zeros(1))
+
+
 def test_without_motions_there_is_nothing_to_identify():
     with pytest.raises(SloshDiscoveryError, match="no motion with measured"):
         identify([], BASE)

@@ -89,7 +89,7 @@ class Robot:
         if tool_frame not in links:
             known = ", ".join(links)
             raise error(f"{name}: no link {tool_frame!r} (it has {known:.200})")
-        self._frame = self._model.getFrameId(tool_frame)
+        self._frame = self._link(tool_frame)
         self._name = name
         self._data = self._model.createData()
         self._rest = self._pin.neutral(self._model)
@@ -147,9 +147,13 @@ class Robot:
             followed, joint.idx_q, joint.idx_v, joint.nq == 2, multiplier, offset, low, high
         )
 
+    def _link(self, name: str) -> int:
+        """Returns the number of a link's frame, also where a joint has the same name."""
+        return int(self._model.getFrameId(name, self._pin.FrameType.BODY))
+
     def _fixed(self, world: str, error: Callable[[str], ValueError]) -> Any:
         """Returns the transform from the URDF's root to the world; None if both are the same."""
-        frame = self._model.frames[self._model.getFrameId(world)]
+        frame = self._model.frames[self._link(world)]
         if frame.parentJoint:
             raise error(f"{self._name}: link {world!r} moves, so it cannot be the world")
         found = frame.placement.inverse()

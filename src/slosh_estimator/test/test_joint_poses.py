@@ -276,3 +276,12 @@ def test_a_clock_that_is_set_back_begins_anew():
 
     assert len(play(BEGIN)) == 20
     assert len(play(BEGIN - 3600 * 1000 * MS)) == 20
+
+
+def test_a_link_that_shares_its_name_with_a_joint_is_the_container():
+    shared = RAIL_URDF.replace('joint name="grip"', 'joint name="cup"')
+    values = dict(zip(JOINTS, (0.1, 0.2, -0.3, 0.4), strict=True))
+    assert shared != RAIL_URDF
+    assert Robot(shared, "cup", "world").pose(values) == Robot(RAIL_URDF, "cup", "world").pose(
+        values
+    )

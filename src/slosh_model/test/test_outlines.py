@@ -153,6 +153,71 @@ def test_a_box_without_its_symmetry_is_the_box():
             assert row.turn == pytest.approx(0.4, abs=1e-6)
 
 
+def regular(corners, radius, angle, centre, digits):
+    """Returns a regular polygon as a table of rounded numbers has it."""
+    azimuths = angle + math.tau * np.arange(corners) / corners
+    places = np.column_stack((np.cos(azimuths), np.sin(azimuths))) * radius + centre
+    return tuple(map(tuple, places.round(digits).tolist()))
+
+
+@pytest.mark.parametrize(
+    ("corners", "radius", "frequency"),
+    [(6, 0.0404145, 3.5072), (8, 0.04, 3.4573), (64, 0.035, 3.6104)],
+    ids=["hexagon", "octagon", "nearly a circle"],
+)
+@pytest.mark.parametrize(
+    ("angle", "centre", "digits"),
+    [
+        (0.0, (0.0, 0.0), 6),
+        (math.pi / 6, (0.0, 0.0), 7),
+        (math.pi / 6, (0.0137, -0.0212), 6),
+        (math.pi / 6, (0.3, -0.1), 7),
+        (0.3, (-0.05, 0.02), 6),
+        (2.510897508238838, (0.0, 0.0), 7),
+    ],
+)
+def test_rounded_corners_beside_an_axis_of_symmetry(
+    corners, radius, frequency, angle, centre, digits
+):
+    prism = Prism(outline=regular(corners, radius, angle, centre, digits), fill_height=0.06)
+    assert prism.natural_frequency(1) / math.tau == pytest.approx(frequency, rel=2e-4)
+
+
+def test_a_regular_polygon_by_its_symmetry_is_that_computed_as_a_whole():
+    prism = Prism(outline=regular(6, 0.0404145, 0.0, (0.01, 0.02), 6), fill_height=0.06)
+    plane = modes_without_symmetry(prism.contour, 1.0, 3)
+    (whole, *_) = prism_modes(plane, prism.fill_height)
+    assert prism.natural_frequency(1) == pytest.approx(whole.natural_frequency, rel=1e-4)
+
+
+def test_an_octagon_whose_corner_lies_beside_its_axis_is_that_computed_as_a_whole():
+    prism = Prism(outline=regular(8, 0.04, 2.510897508238838, (0.0, 0.0), 7), fill_height=0.06)
+    plane = modes_without_symmetry(prism.contour, 1.0, 3)
+    (whole, *_) = prism_modes(plane, prism.fill_height)
+    assert prism.natural_frequency(1) == pytest.approx(whole.natural_frequency, rel=1e-4)
+
+
+NOTCH = (
+    (0.0, 0.0), (0.06, 0.0), (0.06, 0.03), (1e-4, 0.0300001), (0.06, 0.0300002), (0.06, 0.06),
+    (0.0, 0.06),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("points", "refusal"),
+    [
+        (((0.0, 0.0), (0.0, 0.1), (0.0, 0.05)), "no width: all points lie on one upright line"),
+        (((1e6, 0.0), (1e6 + 0.1, 0.0), (1e6, 0.1)), r"more than 10000 m from its origin"),
+        (((0.0, 0.0), (0.1, 0.0), (0.1, 0.004), (0.0, 0.004)), "25 times as long as wide"),
+        (NOTCH, "parts too narrow to compute"),
+    ],
+    ids=["upright", "far away", "slot", "notch"],
+)
+def test_an_outline_beyond_what_is_computed_is_refused(points, refusal):
+    with pytest.raises(SloshModelError, match=refusal):
+        Prism(outline=points, fill_height=0.06).natural_frequency(1)
+
+
 def test_an_unknown_height_on_a_wall_with_corners_stays_unknown():
     container = jar(((0.0, 0.0), (0.1, 0.0), (0.03, 0.08)))
     heights = np.array([math.nan, 0.001, math.nan]), np.array([0.001, math.nan, math.nan])

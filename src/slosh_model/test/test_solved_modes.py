@@ -33,6 +33,7 @@ from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.shapes.round_cups import RoundCup
 from slosh_model.shapes.solved import SolvedContainer, solved_modes
+from slosh_model.shapes.table_text import points_of
 from slosh_testing.surface import rectangle_surface, surface_height
 
 pytestmark = pytest.mark.skipif(
@@ -500,6 +501,22 @@ def test_modes_that_cannot_be_are_refused(change, refusal):
 def test_closed_forms_take_no_list():
     with pytest.raises(SloshModelError, match="modes must be a number: those of a cylinder"):
         parse_model("container: {radius: 0.05, fill_height: 0.07}\nmodes: []")
+
+
+@pytest.mark.parametrize("heading", ["z,r", "Height [m],Radius [m]", '"z";"r"', "# none\nz,r"])
+def test_a_profile_whose_heading_names_the_height_first(tmp_path, heading):
+    separator = ";" if ";" in heading else ","
+    rows = ("0,0", "0,0.028", "0.09,0.04")
+    text = "\n".join((heading, *(row.replace(",", separator) for row in rows)))
+    (tmp_path / "cup.csv").write_text(text)
+    read = points_of("cup.csv", ("container", "profile"), tmp_path)
+    assert read == ((0.0, 0.0), (0.028, 0.0), (0.04, 0.09))
+
+
+def test_a_profile_on_one_upright_line_is_refused(tmp_path):
+    text = "container: {shape: revolution, profile: [[0, 0], [0, 0.1]], fill_height: 0.06}"
+    with pytest.raises(SloshModelError, match="no width: all points lie on one upright line"):
+        parse_model(text)
 
 
 def test_a_profile_in_a_file(tmp_path):

@@ -16,6 +16,7 @@ from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.progress import Progress, Unit, say
 from slosh_bringup.cli.quantities import RATE
 from slosh_bringup.cli.quiet_decoders import quiet_decoders
+from slosh_bringup.detect.frame import FOLDER_RATE, FrameSource
 from slosh_bringup.detect.measuring import Detection, Result, measure_all
 from slosh_bringup.detect.pictures import (
     WORST_LENGTH,
@@ -24,7 +25,7 @@ from slosh_bringup.detect.pictures import (
     PictureStrip,
     Worst,
 )
-from slosh_bringup.detect.source import FOLDER_RATE, FrameSource, open_source
+from slosh_bringup.detect.source import open_source
 from slosh_bringup.detect.table import COLUMNS, DetectionSummary, row
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibrate.camera_file import read_any_calibration

@@ -3,53 +3,30 @@
 from __future__ import annotations
 
 import glob
-import math
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import cv2
-import numpy as np
-
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_folder import bag_folder, files_of, import_hint
 from slosh_bag.reader import BagMessage, BagReader, messages_of, stamp_ns
-from slosh_base.files.nanoseconds import SECOND
-from slosh_bringup.detect.frame import CompressedMessage, NoImage, RawMessage, SourceFrame
+from slosh_bringup.detect.files import file_source
+from slosh_bringup.detect.frame import (
+    CompressedMessage,
+    FrameSource,
+    NoImage,
+    RawMessage,
+    SourceFrame,
+)
 from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in, longest_series, natural_order
+from slosh_bringup.detect.video import video_source
 from slosh_bringup.errors import SloshBringupError
-from slosh_camera.images.image_size import too_large
 
 RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
-FOLDER_RATE = 60.0
-"""Images of files carry no time: they count as taken at this rate [Hz], in natural order."""
 _BEFORE, _AFTER = 100_000_000, 2_000_000_000
 """How long before and after its stamp a recorder may have got an image [ns]."""
-
-
-@dataclass(slots=True)
-class FrameSource:
-    """An ordered source of images to measure: a folder, a video or a bag.
-
-    Attributes:
-        name: what people call the source.
-        frames: the images, decoded by who needs them.
-        total: how many there are; None: not known.
-        rate: images per second [Hz]; None: as their stamps say.
-        files: that hold them, and images of the same folder that were left out.
-        note: what was left out, in words; empty: nothing.
-        warnings: what went wrong on the way, complete when the frames are at their end.
-    """
-
-    name: str
-    frames: Iterator[SourceFrame]
-    total: int | None = None
-    rate: float | None = None
-    files: Sequence[Path] = ()
-    note: str = ""
-    warnings: list[str] = field(default_factory=list)
 
 
 def open_source(
@@ -60,7 +37,8 @@ def open_source(
     Args:
         sources: one folder, video, bag, image or pattern such as 'run/img_*.png', or several
             images.
-        rate: images per second of files and videos [Hz]; None: as a video says, or FOLDER_RATE.
+        rate: images per second of files and videos [Hz]; None: as names or a video
+            say, or FOLDER_RATE.
         topic: of a bag, whose images are taken; None: the first that holds pictures.
 
     Raises:
@@ -68,11 +46,11 @@ def open_source(
         SloshBagError: a damaged bag, or one without images.
     """
     if len(sources) > 1:
-        return _file_source(f"{sources[0]} …", _existing(sources), rate or FOLDER_RATE)
+        return file_source(f"{sources[0]} …", _existing(sources), rate)
     (name,) = sources
     path = Path(name)
     if not path.exists():
-        return _file_source(name, _matching(name), rate or FOLDER_RATE)
+        return file_source(name, _matching(name), rate)
     if path.suffix == ".mcap" or (path.is_dir() and any(path.glob("*.mcap"))):
         return _bag_source(path, topic)
     if path.is_dir():
@@ -84,12 +62,12 @@ def open_source(
                 f"{path}: no images ({', '.join(IMAGE_ENDINGS)}) in this folder{import_hint(path)}"
             )
         series, note = longest_series(files)
-        return _file_source(name, series, rate or FOLDER_RATE, files, note)
+        return file_source(name, series, rate, files, note)
     if path.suffix.lower() in IMAGE_ENDINGS:
-        return _file_source(name, [path], rate or FOLDER_RATE)
+        return file_source(name, [path], rate)
     if hint := import_hint(path):
         raise SloshBringupError(f"{path}: not a video{hint}")
-    return _video_source(path, rate)
+    return video_source(path, rate)
 
 
 def frames_at(reader: BagReader, stamps: Collection[int]) -> dict[int, SourceFrame]:
@@ -141,76 +119,6 @@ def _matching(pattern: str) -> list[Path]:
             "give one file"
         )
     return sorted(files, key=natural_order)
-
-
-def _file_source(
-    name: str,
-    files: Sequence[Path],
-    rate: float,
-    present: Sequence[Path] = (),
-    note: str = "",
-) -> FrameSource:
-    frames = (
-        SourceFrame(round(index * SECOND / rate), file.name, file)
-        for index, file in enumerate(files)
-    )
-    return FrameSource(name, frames, len(files), rate, present or files, note)
-
-
-def _video_source(path: Path, asked: float | None) -> FrameSource:
-    if not path.stat().st_size:
-        raise SloshBringupError(f"{path}: empty file")
-    capture = cv2.VideoCapture(str(path))
-    if not capture.isOpened():
-        raise SloshBringupError(
-            f"{path}: neither a video that OpenCV reads (is it complete?), an image, a folder "
-            "nor an MCAP bag"
-        )
-    sides = (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
-    told = too_large(*(round(capture.get(side)) for side in sides))
-    if told:
-        raise SloshBringupError(f"{path}: {told}")
-    announced = max(round(capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
-    rate = asked or capture.get(cv2.CAP_PROP_FPS)
-    rate = rate if 0.0 < rate < 1e5 else FOLDER_RATE
-    source = FrameSource(str(path), iter(()), announced or None, rate, [path])
-    source.frames = _captured(capture, source, timed=asked is None)
-    return source
-
-
-def _captured(
-    capture: cv2.VideoCapture, source: FrameSource, *, timed: bool
-) -> Iterator[SourceFrame]:
-    """Yields the images of a video; skips the last image of a truncated file.
-
-    Args:
-        capture: the video.
-        source: where problems are noted.
-        timed: whether the file's own stamps count; a slow-motion video plays slower than it was
-            taken.
-    """
-    waiting: SourceFrame | None = None
-    period = SECOND / (source.rate or FOLDER_RATE)
-    stamp, index = -period, 0
-    while True:
-        more, image = capture.read()
-        if not more:
-            break
-        if waiting is not None:
-            yield waiting
-        # The stamp is that of the image just read; some files have none.
-        told = capture.get(cv2.CAP_PROP_POS_MSEC) * 1e6 if timed else -math.inf
-        stamp = told if told > stamp else stamp + period
-        waiting = SourceFrame(round(stamp), f"frame {index}", np.asarray(image, np.uint8))
-        index += 1
-    capture.release()
-    if source.total is not None and index < source.total - 1:
-        source.warnings.append(
-            f"{source.name}: should have {source.total} images but ends after "
-            f"{max(index - 1, 0)}: is it cut off?"
-        )
-    elif waiting is not None:
-        yield waiting
 
 
 def _bag_source(path: Path, topic: str | None) -> FrameSource:

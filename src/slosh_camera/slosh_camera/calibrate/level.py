@@ -47,10 +47,13 @@ class LevelLines:
     Attributes:
         own: the one of the pose.
         rival: another one that may be it as well; None: there is none.
+        below_floor: share of the sides that shows below the floor, 0 to 1: those of a rim or a
+            ring above the level go on there.
     """
 
     own: Level
     rival: Level | None
+    below_floor: float
 
     @property
     def shows(self) -> bool:
@@ -95,4 +98,7 @@ def levels_of(edges: EdgeImage, fit: PlaceFit) -> LevelLines:
     open_to_doubt = np.where(other, strength, 0.0)
     best = int(np.argmax(open_to_doubt))
     rivals = open_to_doubt[best] > 0.0 and open_to_doubt[best] >= TUNING.rival * own.strength
-    return LevelLines(own, level(best) if rivals else None)
+    fill = fit.cup.fill_height
+    stretch = (TUNING.below_to - TUNING.below_from) * fill
+    going_on = walls_below(edges, view, strip.heights, TUNING.below_from * fill, stretch)
+    return LevelLines(own, level(best) if rivals else None, float(np.min(going_on[here])))

@@ -106,6 +106,12 @@ def level_fault(fit: PlaceFit, levels: LevelLines, told: tuple[float, float] | N
             "the edge of a foot look similar; click on the still level's contact line: --level "
             "U V"
         )
+    if levels.below_floor >= TUNING.below:
+        return (
+            "the container's sides go on below the line that fits the still level by more than "
+            "the fill height, as they do below a rim or a printed ring; check the fill height, or "
+            "click on the still level's contact line: --level U V"
+        )
     if levels.own.strength < TUNING.least_level:
         return (
             "the line that fits the still level best does not run from side to side as the "

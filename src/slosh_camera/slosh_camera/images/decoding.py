@@ -19,6 +19,7 @@ from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image
 from slosh_camera.images.image_size import JPEG, PNG, check_size
 from slosh_camera.images.jpeg_file import jpeg_damage
+from slosh_camera.images.tiff_pages import tiff_pages
 
 Bytes = NDArray[np.uint8]
 
@@ -194,8 +195,12 @@ def read_image(path: str | Path) -> Image:
     """Reads a PNG, JPEG, BMP or TIFF image file.
 
     Raises:
-        SloshCameraError: the file cannot be read, or is no whole image; the text names it.
+        SloshCameraError: the file cannot be read, is no whole image or holds several; the text
+            names it.
     """
+    pages = len(tiff_pages(Path(path)))
+    if pages > 1:
+        raise SloshCameraError(f"{path}: holds {pages} pages; save the page that is meant alone")
     try:
         data = Path(path).read_bytes()
     except OSError as error:
@@ -204,6 +209,30 @@ def read_image(path: str | Path) -> Image:
         return _decode(np.frombuffer(data, np.uint8), Path(path).suffix[1:] or "an image")
     except SloshCameraError as error:
         raise SloshCameraError(f"{path}: {error}") from None
+
+
+def read_page(path: Path, number: int) -> Image:
+    """Reads one page of a TIFF file.
+
+    Args:
+        path: the file.
+        number: of the page, one of `tiff_pages`.
+
+    Raises:
+        SloshCameraError: it cannot be read; the text names file and page.
+    """
+    name = f"{path}: page {number + 1}"
+    how = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH
+    try:
+        found, images = cv2.imreadmulti(str(path), number, 1, flags=how)
+    except cv2.error:
+        found, images = False, ()
+    if not found or not len(images):
+        raise SloshCameraError(f"{name}: could not be decoded")
+    try:
+        return _of_8_bits(images[0])
+    except SloshCameraError as error:
+        raise SloshCameraError(f"{name}: {error}") from None
 
 
 def _without_pattern(
@@ -235,6 +264,10 @@ def _decode(array: Image, kind: str) -> Image:
         image = None
     if image is None:
         raise SloshCameraError(f"image: {array.size} bytes could not be decoded as {kind}")
+    return _of_8_bits(image)
+
+
+def _of_8_bits(image: NDArray[Any]) -> Image:
     if image.dtype == np.uint16:
         return to_8_bits(np.asarray(image, np.uint16))
     if image.dtype != np.uint8:

@@ -5,10 +5,11 @@ A file of some kilobytes can claim a billion pixels. A decoder fills them first 
 
 from __future__ import annotations
 
+import io
 import re
 import struct
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
 
 from slosh_camera.errors import SloshCameraError
 
@@ -22,7 +23,11 @@ _SCAN, _END = 0xDA, 0xD9
 _FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
 _ALONE = {0x00, 0x01, *range(0xD0, 0xD9)}  # markers without a content
 _TIFF_FORMS = {3: "H", 4: "I", 16: "Q"}  # the types that hold a size
-_TIFF_SIZES = (256, 257, 322, 323)  # tags: width and height of the image, of a tile
+_SUBFILE, _WIDTH, _HEIGHT = 254, 256, 257
+_TILES = ((_WIDTH, 322), (_HEIGHT, 323))  # tags: of the image, of a tile
+_MOST_PAGES = 100_000
+"""Pages of a TIFF file, at most; more is a loop or damage."""
+_MOST_TAGS = 4096
 
 
 class Size(NamedTuple):
@@ -31,6 +36,28 @@ class Size(NamedTuple):
     width: int
     height: int
     scans: int = 1
+
+
+class TiffDirectory(NamedTuple):
+    """What a TIFF file tells of one of its pages.
+
+    Attributes:
+        size: of the image, or of its tiles if they are larger; None: not told.
+        reduced: whether it is a thumbnail or a mask.
+    """
+
+    size: Size | None
+    reduced: bool
+
+
+class _TiffLayout(NamedTuple):
+    """Byte order; forms of offsets and numbers of tags; length of a tag, place of its value."""
+
+    order: str
+    offset: str
+    number: str
+    entry: int
+    value: int
 
 
 def check_size(data: bytes) -> None:
@@ -104,25 +131,54 @@ def _bmp(data: bytes) -> Size:
 
 
 def _tiff(data: bytes) -> Size | None:
-    """Returns the size of a TIFF file's first image, or of its tiles if they are larger."""
-    order = "<" if data.startswith(b"II") else ">"
-    (version,) = struct.unpack_from(f"{order}H", data, 2)
+    return next(tiff_directories(io.BytesIO(data)), TiffDirectory(None, False)).size
+
+
+def tiff_directories(file: BinaryIO) -> Iterator[TiffDirectory]:
+    """Yields the pages of a TIFF file.
+
+    Args:
+        file: at its begin.
+
+    Raises:
+        struct.error: it is cut.
+        KeyError: it is none.
+    """
+    order = {b"II": "<", b"MM": ">"}[file.read(2)]
+    (version,) = struct.unpack(f"{order}H", file.read(2))
     if version == 43:  # BigTIFF
-        (start,) = struct.unpack_from(f"{order}Q", data, 8)
-        (count,) = struct.unpack_from(f"{order}Q", data, start)
-        start, entry, value = start + 8, 20, 12
+        file.seek(8)
+        layout = _TiffLayout(order, "Q", "Q", 20, 12)
     else:
-        (start,) = struct.unpack_from(f"{order}I", data, 4)
-        (count,) = struct.unpack_from(f"{order}H", data, start)
-        start, entry, value = start + 2, 12, 8
-    sizes: dict[int, int] = {}
-    for at in range(start, start + min(count, 65535) * entry, entry):
-        tag, kind = struct.unpack_from(f"{order}HH", data, at)
-        if tag in _TIFF_SIZES and kind in _TIFF_FORMS:
-            (sizes[tag],) = struct.unpack_from(order + _TIFF_FORMS[kind], data, at + value)
-    if not {256, 257} <= sizes.keys():
-        return None
-    return Size(max(sizes[256], sizes.get(322, 0)), max(sizes[257], sizes.get(323, 0)))
+        layout = _TiffLayout(order, "I", "H", 12, 8)
+    at, seen = _one(file, order + layout.offset), set[int]()
+    while at and at not in seen and len(seen) < _MOST_PAGES:
+        seen.add(at)
+        file.seek(at)
+        tags = dict(_tags(file, layout))
+        size = None
+        if {_WIDTH, _HEIGHT} <= tags.keys():
+            wide, high = (max(tags[one], tags.get(tile, 0)) for one, tile in _TILES)
+            size = Size(wide, high)
+        yield TiffDirectory(size, bool(tags.get(_SUBFILE, 0) & 0b101))
+        at = _one(file, order + layout.offset)
+
+
+def _tags(file: BinaryIO, layout: _TiffLayout) -> Iterator[tuple[int, int]]:
+    """Yields a page's tags of one whole number each; leaves the file behind the last one."""
+    count = _one(file, layout.order + layout.number)
+    if count > _MOST_TAGS:
+        raise struct.error
+    for _ in range(count):
+        entry = file.read(layout.entry)
+        tag, kind = struct.unpack_from(f"{layout.order}HH", entry)
+        if kind in _TIFF_FORMS:
+            yield tag, struct.unpack_from(layout.order + _TIFF_FORMS[kind], entry, layout.value)[0]
+
+
+def _one(file: BinaryIO, form: str) -> int:
+    (value,) = struct.unpack(form, file.read(struct.calcsize(form)))
+    return int(value)
 
 
 _READERS: dict[bytes, Callable[[bytes], Size | None]] = {

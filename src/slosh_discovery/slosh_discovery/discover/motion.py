@@ -12,6 +12,9 @@ from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.for_notebooks import peak, span
 from slosh_model.simulate import Inputs
 
+_HARDEST = 1e5
+"""Acceleration of a container [m/s²]: beyond, it is another unit or damage."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class MeasuredMotion:
@@ -84,6 +87,16 @@ class MeasuredMotion:
         if highest > TUNING.highest:
             raise SloshDiscoveryError(
                 f"{self.name}: heights reach {highest:.4g} m; they must be given in metres"
+            )
+        if not np.nanmax(np.abs(self.heights)):
+            raise SloshDiscoveryError(
+                f"{self.name}: all heights are 0: nothing was measured, or the column is empty"
+            )
+        hardest = float(np.nanmax(np.abs(self.inputs.acceleration), initial=0.0))
+        if hardest > _HARDEST:
+            raise SloshDiscoveryError(
+                f"{self.name}: accelerations reach {hardest:.4g} m/s², more than any robot's; "
+                "they must be given in m/s²"
             )
 
     def __repr__(self) -> str:

@@ -161,7 +161,9 @@ class Stretch:
     def take(self, number: int, value: Vector) -> bool:
         """Adds a time bin; returns whether it continues the time span of constant values."""
         one, two = self._one, self._two
-        bend = math.sqrt(sum((value[i] - 2.0 * one[i] + two[i]) ** 2 for i in range(3)))
+        bends = [value[i] - 2.0 * one[i] + two[i] for i in range(3)]
+        # By products: a power raises OverflowError where they are infinite.
+        bend = math.sqrt(sum(part * part for part in bends))
         if bend == bend:  # two bins are known before it
             self._bends.append(bend)
         self._two, self._one = one, value

@@ -83,6 +83,7 @@ class InputFault(NamedTuple):
         )
 
 
+@np.errstate(over="ignore")  # what reads it refuses such numbers
 def find_input_faults(t: Array, acceleration: Array) -> tuple[InputFault, ...]:
     """Finds the faults of an input; each kind is listed once, in order of time.
 

@@ -50,6 +50,7 @@ class InputDoubt(str):
         return InputDoubt(f"{path}: {self}", self.wrong)
 
 
+@np.errstate(over="ignore")  # what reads it refuses such numbers
 def motion_doubts(
     t: Array, acceleration: Array, attitude: Array | None = None, position: Array | None = None
 ) -> tuple[InputDoubt, ...]:

@@ -21,6 +21,8 @@ Size = Callable[[Array], Array]
 """(N, 2) places to (N,) lengths that a triangle's side may have there [m]."""
 _TOO_LARGE, _APART = 0.72, 0.62  # circumradius, and distance of points, per size
 _FINE = 400
+_MOST_POINTS = 20_000
+"""Of a first mesh; a gap of a thousandth of a container's width asks for millions."""
 _SPLITS = 8
 """Rounds in which parts of the edge that no triangle has are halved."""
 _GRADING = 0.3
@@ -86,7 +88,11 @@ def triangulated(sides: Sequence[Side], size: Size) -> Triangles:
         found = _attempt(sides, lambda places, s=shrink: s * size(places))  # type: ignore[misc]
         if found is not None:
             return found
-    raise SloshModelError(
+    raise _too_narrow()
+
+
+def _too_narrow() -> SloshModelError:
+    return SloshModelError(
         "the contour has parts too narrow to compute; leave out details below 1 % of its width"
     )
 
@@ -158,6 +164,8 @@ def _edge(sides: Sequence[Side], size: Size) -> tuple[Array, Integers, Array]:
 def _filled(points: Array, size: Size) -> Array:
     edge = points
     for _ in range(40):
+        if len(points) > _MOST_POINTS:
+            raise _too_narrow()
         corners = _inside(points, edge)
         centres, radii = _circumcircles(points[corners])
         wanted = size(centres)

@@ -20,6 +20,7 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
+from slosh_model.errors import SloshModelError
 from slosh_model.potential_flow.directed import modes_without_symmetry
 from slosh_model.potential_flow.finite_elements import (
     bases,
@@ -78,13 +79,14 @@ def plane_modes(outline: Sequence[Piece], count: int) -> tuple[PlaneModes, ...]:
         count: number of modes along each axis.
 
     Raises:
-        SloshModelError: too intricate, or scikit-fem is missing.
+        SloshModelError: too intricate or too narrow, or scikit-fem is missing.
     """
     # Of a straight piece three places tell all.
     places = np.vstack(
         [piece.at(np.array([0.0, 0.5])) if piece.straight else piece.fine()[:-1:2]
          for piece in outline]
     )  # fmt: skip
+    _check_width(places)
     scale = float(np.abs(places).max())
     turn = axis_of_symmetry(places)
     if turn is None:
@@ -105,6 +107,18 @@ def plane_modes(outline: Sequence[Piece], count: int) -> tuple[PlaneModes, ...]:
     return tuple(found)
 
 
+def _check_width(places: Array) -> None:
+    """Raises an error for an outline whose modes across it come after hundreds along it."""
+    azimuths = np.linspace(0.0, math.pi, 180, endpoint=False)
+    extents = np.ptp(places @ np.vstack((np.cos(azimuths), np.sin(azimuths))), axis=0)
+    ratio = float(extents.max() / extents.min())
+    if ratio > TUNING.most_slender:
+        raise SloshModelError(
+            f"container.outline is {ratio:.3g} times as long as wide, at most "
+            f"{TUNING.most_slender:g} is computed; give a box as rectangle"
+        )
+
+
 def _half(outline: Sequence[Piece], turned: bool, scale: float) -> list[Side]:
     """Returns half of a symmetric outline, rotated so that its axis is x, and scaled.
 
@@ -116,9 +130,8 @@ def _half(outline: Sequence[Piece], turned: bool, scale: float) -> list[Side]:
     parts: list[Piece] = []
     for piece in pieces:
         cuts = [0.0, *piece.shares_at(0.0, 1), 1.0]
-        for start, end in itertools.pairwise(cuts):
-            if end - start > 1e-9:
-                parts.append(piece.part(start, end))
+        found = [piece.part(start, end) for start, end in itertools.pairwise(cuts)]
+        parts += [part for part in found if _has_length(part)]
     above = [bool(part.one(0.5)[1] > 0.0) for part in parts]
     first = next(k for k in range(len(parts)) if above[k] and not above[k - 1])
     order = [(first + k) % len(parts) for k in range(len(parts))]
@@ -132,13 +145,26 @@ def _quarter(half: Sequence[Side]) -> list[Side]:
     wall = []
     for side in half[:-1]:
         cuts = side.piece.shares_at(0.0, 0)
-        wall.append(Side(side.piece.part(0.0, cuts[0]), "wall") if cuts else side)
+        if not cuts and side.piece.one(0.5)[0] < 0.0:
+            break  # the side before it ends on the axis
+        part = side.piece.part(0.0, cuts[0]) if cuts else side.piece
+        if _has_length(part):
+            wall.append(Side(part, "wall"))
         if cuts:
             break
     right, top = wall[0].piece.one(0.0), wall[-1].piece.one(1.0)
     across = line((0.0, float(top[1])), (0.0, 0.0))
     along = line((0.0, 0.0), (float(right[0]), 0.0))
     return [*wall, Side(across, ACROSS_AXIS), Side(along, ALONG_AXIS)]
+
+
+def _has_length(part: Piece) -> bool:
+    """Whether a part of a scaled outline is more than what rounding leaves of a corner.
+
+    A corner on an axis of symmetry lies beside it by a rounded digit. The next side then begins
+    on the axis instead.
+    """
+    return float(np.ptp(part.fine(), axis=0).max()) > TUNING.on_axis
 
 
 def _swapped(piece: Piece) -> Piece:

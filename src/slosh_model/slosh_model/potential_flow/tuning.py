@@ -36,7 +36,9 @@ class PotentialFlowTuning:
     outline_parts: float = number(15.0, "1", "first triangles across an outline")
     narrow_parts: float = number(10.0, "1", "and across its narrower extent")
     whole: float = number(1.4, "1", "first size over a whole outline, of that over a part")
+    most_slender: float = number(12.0, "1", "largest ratio of an outline's length to its width")
     asymmetry: float = number(1e-4, "1", "distance of a symmetric outline from its mirror image")
+    on_axis: float = number(1e-3, "1", "longest part of an outline that counts as on an axis")
 
 
 TUNING = PotentialFlowTuning()

@@ -24,6 +24,8 @@ MOST_POINTS = 500
 """Of a profile or an outline; more is a photograph's noise."""
 SIZES = (2e-3, 3.0)
 """Width and height of a container [m]: outside, the unit is probably not the metre."""
+_FURTHEST = 1e4
+"""Distance of points from the origin [m]: beyond, rounding spoils the centre."""
 _MOST_STRAIGHT = 80
 """Points that straight lines connect; more are a curve's."""
 _CORNER, _SMOOTH_CORNER = math.radians(20.0), math.radians(60.0)
@@ -152,12 +154,19 @@ def _pair(pair: object, name: str) -> Point:
 
 
 def _check_size(places: Array, key: str) -> None:
-    size = float((places.max(axis=0) - places.min(axis=0)).max())
+    extents = places.max(axis=0) - places.min(axis=0)
+    size = float(extents.max())
     if not SIZES[0] <= size <= SIZES[1]:
         raise SloshModelError(
             f"{key} measures {size:g} m, must be {SIZES[0]:g} … {SIZES[1]:g} m: "
             f"{'divide millimetres by 1000' if size > SIZES[1] else 'give it in metres'}"
         )
+    if float(np.abs(places).max()) > _FURTHEST:
+        raise SloshModelError(
+            f"{key} lies more than {_FURTHEST:g} m from its origin; give it from the container"
+        )
+    if not float(extents[0]):
+        raise SloshModelError(f"{key} has no width: all points lie on one upright line")
 
 
 def check_simple(pieces: Sequence[Piece], key: str, *, closed: bool) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
@@ -22,6 +23,11 @@ MODES, OWNER, IN_USE = "modes", "modes_of", "modes_in_use"
 TURN = "turn"
 _AXES = ("x", "y")
 _LONGEST = 64_000
+_NAME = re.compile(r"[\s\"'#]*([a-z]+)", re.IGNORECASE)
+_BACKWARDS = (
+    ["z", "r"], ["z", "x"], ["y", "x"], ["y", "r"],
+    ["z", "radius"], ["height", "radius"], ["height", "r"], ["h", "r"], ["z", "y"],
+)  # fmt: skip
 
 
 def points_of(value: Any, path: KeyPath, folder: Path) -> Any:
@@ -52,6 +58,7 @@ def _csv_points(path: Path, keys: KeyPath) -> tuple[tuple[float, ...], ...]:
     except (TextFileError, csv.Error) as error:
         raise SloshModelError(f"{dotted(keys)}: {error}", keys) from None
     found: list[tuple[float, ...]] = []
+    exchanged = False
     for number, cells in enumerate(lines, start=1):
         if not any(cells) or cells[0].startswith("#"):
             continue
@@ -59,13 +66,20 @@ def _csv_points(path: Path, keys: KeyPath) -> tuple[tuple[float, ...], ...]:
             found.append(tuple(float(cell) for cell in cells))
         except ValueError:
             if not found and not any(map(_is_number, cells)):  # a heading
+                exchanged = _exchanged(cells)
                 continue
             raise SloshModelError(
                 f"{path}:{number}: {','.join(cells)!r:.60} must be two numbers [m]", keys
             ) from None
         if len(found) > MOST_POINTS:
             raise SloshModelError(f"{path}: more than {MOST_POINTS} points", keys)
-    return tuple(found)
+    return tuple(pair[::-1] for pair in found) if exchanged else tuple(found)
+
+
+def _exchanged(heading: Sequence[str]) -> bool:
+    """Whether a heading such as `z,r` or `y [m],x [m]` says that the second column is first."""
+    names = [_NAME.match(cell) for cell in heading]
+    return [found and found[1].lower() for found in names] in _BACKWARDS
 
 
 def _cells(text: str) -> list[list[str]]:
