@@ -13,6 +13,7 @@ import rclpy
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import AccelStamped, PoseStamped
+from nav_msgs.msg import Odometry
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -148,6 +149,30 @@ def test_poses(start: Callable[..., Cell]) -> None:
     cell.until(lambda: len(estimates) == 2)
     assert to_nanoseconds(estimates[0].header.stamp) == begin + 20 * MS
     assert list(estimates[1].acceleration) == pytest.approx([3.0, 0.0, 0.0], abs=1e-6)
+
+
+@pytest.mark.parametrize("wrong", [True, False])
+def test_odometry_whose_twist_contradicts_its_pose_is_flagged(
+    start: Callable[..., Cell], wrong: bool
+) -> None:
+    cell = start(input="odometry", world_frame="odom", max_age="600.0")
+    cell.add(EstimatorNode())
+    estimates = cell.listen(SloshEstimate, topics.ESTIMATE)
+    publisher = cell.publisher(Odometry, topics.ODOMETRY)
+    cell.until(lambda: cell.probe.count_publishers(topics.ESTIMATE) > 0)
+    begin = cell.now() - 2000 * MS
+    for k in range(101):  # along the parent's y axis, which is the vehicle's x axis
+        message = Odometry(child_frame_id="container")
+        message.header.stamp = to_time(begin + 20 * k * MS)
+        message.header.frame_id = "odom"
+        message.pose.pose.orientation.z = message.pose.pose.orientation.w = math.sqrt(0.5)
+        message.pose.pose.position.y = 0.2 * (0.02 * k) ** 2
+        twist = message.twist.twist.linear
+        twist.x, twist.y = (0.0, 0.4 * 0.02 * k) if wrong else (0.4 * 0.02 * k, 0.0)
+        publisher.publish(message)
+        cell.until(lambda k=k: len(estimates) >= k - 20)
+    flagged = [bool(e.flags & SloshEstimate.INPUT_CONTRADICTED) for e in estimates]
+    assert (flagged[0], flagged[-1]) == (False, wrong)
 
 
 def test_load_model_and_reset(start: Callable[..., Cell]) -> None:

@@ -111,7 +111,7 @@ class MetricsTuning:
     stair_runs: int = number(6, "1", "successive stairs that are looked at")
     stair_ns: int = number(15_000_000, "ns", "longest stair that is no fault")
     stair_quanta: float = number(4.0, "1", "step of a stair over the least step")
-    stair_way: float = number(5e-3, "m", "least way over the stairs")
+    stair_way: float = number(5e-3, "m", "least way from the first to the last stair")
     stair_speed: float = number(0.05, "m/s", "the same of velocities")
     twist_ns: int = number(SECOND // 10, "ns", "time over which a twist is integrated")
     twist_gap: float = number(0.25, "s", "longest time between two twists")

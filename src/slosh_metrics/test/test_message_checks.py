@@ -3,9 +3,11 @@
 import math
 import random
 
+import numpy as np
 import pytest
 
 from slosh_metrics.input_checks.message_checks import Leap, Stairs, ToAndFro, TwistCheck, unstamped
+from slosh_metrics.input_checks.table_checks import motion_doubts
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
@@ -92,6 +94,13 @@ def test_fast_renewal_and_coarse_values_are_no_stairs(rate, renewed, quantum):
     assert stairs(rate, renewed, quantum).raised is None
 
 
+def test_a_shake_at_a_quarter_of_the_rate_is_no_stairs():
+    check = Stairs("poses", 5e-3)
+    for k in range(200):
+        check.take(k * 20_000_000, ((0.0, 0.01, 0.01, 0.0)[k % 4], 0.0, 0.0))
+    assert check.raised is None
+
+
 def leaps(positions, rate):
     """Returns which positions are leaps from the last one that is none."""
     found, kept, before = [], [positions[0]], []
@@ -157,3 +166,18 @@ def test_an_honest_twist_whose_pose_is_corrected_once_is_none(rate):
 def test_stamps_that_were_never_filled_are_named():
     assert unstamped(1, 10, "/joint_states") == ""
     assert "stamped 0" in unstamped(0, 10, "/joint_states")
+
+
+@pytest.mark.parametrize(
+    ("at", "word"),
+    [
+        (lambda k: way(k / 100), None),
+        (lambda k: way(k / 100 - 0.05 * (k % 2)), "several publishers"),
+    ],
+)
+def test_a_table_of_poses_is_checked_as_messages_are(at, word):
+    t = np.arange(300) / 100.0
+    position = np.array([at(k) for k in range(300)])
+    # Their accelerations are those that a filter made of them: nothing shows in them.
+    doubts = motion_doubts(t, np.zeros((300, 3)), None, position)
+    assert [word in doubt and doubt.wrong for doubt in doubts] == ([] if word is None else [True])

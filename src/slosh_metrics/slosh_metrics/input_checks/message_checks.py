@@ -155,7 +155,9 @@ class Stairs:
         self.found = False
         self.raised: Doubt | None = None
         self._noun, self._least = noun, least
-        self._runs: deque[tuple[int, int, float]] = deque(maxlen=TUNING.stair_runs)
+        self._runs: deque[tuple[int, int, float, Sequence[float]]] = deque(
+            maxlen=TUNING.stair_runs
+        )
         self._values: Sequence[float] = ()
         self._since_ns = self._count = 0
         self._finest = math.inf
@@ -169,18 +171,19 @@ class Stairs:
             step = math.dist(values[:3], self._values[:3])
             if step > 0.0:
                 self._finest = min(self._finest, step)
-                self._runs.append((self._count, stamp_ns - self._since_ns, step))
+                self._runs.append((self._count, stamp_ns - self._since_ns, step, self._values))
                 if len(self._runs) == TUNING.stair_runs:
-                    self._judge()
+                    self._judge(math.dist(values[:3], self._runs[0][3][:3]))
         self._values, self._since_ns, self._count = tuple(values), stamp_ns, 1
 
-    def _judge(self) -> None:
+    def _judge(self, way: float) -> None:
         counts = sorted(run[0] for run in self._runs)
         held = sorted(run[1] for run in self._runs)[len(counts) // 2]
         typical = counts[len(counts) // 2]
         steps = [run[2] for run in self._runs]
-        moves = sum(steps) > self._least
-        if not moves:
+        if (
+            way <= self._least
+        ):  # a shake at a quarter of the rate has pairs, too, but leads nowhere
             return
         regular = typical >= 2 and counts[0] >= typical - 1 and counts[-1] <= typical + 1
         coarse = sorted(steps)[len(steps) // 2] < TUNING.stair_quanta * self._finest

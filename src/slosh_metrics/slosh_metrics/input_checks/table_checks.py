@@ -17,6 +17,7 @@ from slosh_metrics.input_checks.constant_finder import DEPARTURE, REST
 from slosh_metrics.input_checks.constant_meaning import FINE, SIZE, Doubt, acceleration_doubt
 from slosh_metrics.input_checks.input_checks import AccelCheck, PoseCheck
 from slosh_metrics.input_checks.input_faults import FaultKind
+from slosh_metrics.input_checks.message_checks import ToAndFro
 from slosh_metrics.tuning import TUNING
 from slosh_model.constants import GRAVITY
 
@@ -81,7 +82,7 @@ def motion_doubts(
     if not found:
         found += _ends_doubt(t - t[0], stamps, acceleration)
     if position is not None:
-        found += _pose_doubts(stamps, position, attitude)
+        found += _pose_doubts(stamps, position, attitude) + _row_doubts(position)
     elif attitude is not None:
         rest = _first_rest(stamps, acceleration)
         found += _pose_doubts(stamps[:rest], np.zeros((rest, 3)), attitude[:rest])
@@ -96,6 +97,14 @@ def _pose_doubts(stamps: Integers, position: Array, attitude: Array | None) -> l
         check.add_many(stamps, position, turns)
     check.finish()
     return [InputDoubt.of(doubt) for doubt in check.raised.values()]
+
+
+def _row_doubts(position: Array) -> list[InputDoubt]:
+    """Returns what positions show that two sources wrote. Rows in stairs may be a coarse shake."""
+    check = ToAndFro("positions")
+    for x, y, z in position.tolist():
+        check.take((x, y, z))
+    return [InputDoubt.of(check.raised)] if check.raised is not None else []
 
 
 def _first_rest(stamps: Integers, acceleration: Array) -> int:

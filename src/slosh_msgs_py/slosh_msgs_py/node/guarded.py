@@ -109,7 +109,7 @@ class GuardedNode(Node):
         new.take(new.source(journal.START))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         super().create_timer(journal.PERIOD, new.flush, clock=steady)
-        self.context.on_shutdown(new.close)
+        self.context.on_shutdown(new.abandon)
         return new
 
     def destroy_node(self) -> None:

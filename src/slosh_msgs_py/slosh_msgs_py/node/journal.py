@@ -130,6 +130,10 @@ class Journal:
             self.flush()
         self._publisher = None
 
+    def abandon(self) -> None:
+        """Publishes nothing from here on: the context has ended, and with it the publisher."""
+        self._publisher = None
+
     def _note(self, source: int, check: int) -> None:
         now_ns, steady_ns = self._clocks()
         self.now_ns, self.steady_ns = now_ns, steady_ns
