@@ -1,6 +1,7 @@
 """Tests that a replay reproduces the governor's steps from commands and fused estimates."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -146,6 +147,9 @@ class CarriedBag(GovernedBag):
 
 class ToldBag(GovernedBag):
     """One of targets, with a command that turns; then the container is told again."""
+
+    _renewed: bool
+    moved: list[Any]
 
     def _move(self, now, log_ns):
         step = self._count // EVERY
