@@ -100,7 +100,7 @@ def _pose_doubts(stamps: Integers, position: Array, attitude: Array | None) -> l
 
 
 def _row_doubts(position: Array) -> list[InputDoubt]:
-    """Returns what positions show that two sources wrote. Rows in stairs may be a coarse shake."""
+    """Returns what positions show that two sources wrote. Stairs of honest rows occur."""
     check = ToAndFro("positions")
     for x, y, z in position.tolist():
         check.take((x, y, z))
