@@ -57,13 +57,13 @@ class Liquids:
         n = np.arange(1, vessel.modes + 1)
         if self._round:
             reach: Real = np.full((1, 2), vessel.radius)
-            xi = jnp_zeros(1, vessel.modes)[:, np.newaxis]
+            xi: Real = jnp_zeros(1, vessel.modes)[:, np.newaxis]
             mass = 2.0 * reach * np.tanh(xi * vessel.fill / reach)
             mass = mass / (xi * vessel.fill * (xi**2 - 1.0))
             gain = xi**2 * vessel.fill * mass / reach
         else:
-            reach = 0.5 * np.array([[vessel.width, vessel.depth]], np.float64)
-            xi = (2 * n - 1)[:, np.newaxis] * 0.5 * math.pi
+            reach = 0.5 * np.array([[vessel.width, vessel.depth]])
+            xi = np.asarray((2 * n - 1)[:, np.newaxis] * 0.5 * math.pi, np.float64)
             # A single mode is a plane surface; with several each has its own shape.
             shape = 1.0 if vessel.modes == 1 else 2.0 / xi**2
             gain = shape * xi * np.tanh(xi * vessel.fill / reach)

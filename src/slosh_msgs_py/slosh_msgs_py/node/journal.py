@@ -7,15 +7,12 @@ None of that can be derived from the recorded messages alone.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import time
 from array import array
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
-
-from rclpy.exceptions import InvalidHandle
 
 from slosh_msgs.msg import Journal as JournalMessage
 from slosh_msgs_py import qos, topics
@@ -125,9 +122,7 @@ class Journal:
 
     def close(self) -> None:
         """Publishes what was noted last; the node ends."""
-        # A node that refuses its parameters ends with its context.
-        with contextlib.suppress(RuntimeError, InvalidHandle):
-            self.flush()
+        self.flush()
         self._publisher = None
 
     def abandon(self) -> None:
