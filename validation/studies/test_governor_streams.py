@@ -61,6 +61,5 @@ def test_no_liquid_exceeds_its_limit_while_the_governor_says_safe(kind):
     assert max(one.share for one in ran) > 0.0
 
 
-@pytest.mark.xfail(strict=True, reason="one period is taken for a step that was left out")
 def test_a_clock_that_steps_by_a_period_is_not_safe():
     assert study.run(study.CLOCK, 6).safe <= 1.0
