@@ -53,7 +53,7 @@ class Liquids:
 
     def __init__(self, vessel: Vessel, damping: float, factors: Real) -> None:
         self._round = vessel.radius > 0.0
-        n = np.arange(1, vessel.modes + 1)
+        n = np.arange(1.0, vessel.modes + 1.0)
         if self._round:
             reach = np.full((1, 2), vessel.radius)
             xi = jnp_zeros(1, vessel.modes)[:, np.newaxis]
@@ -62,7 +62,7 @@ class Liquids:
             gain = xi**2 * vessel.fill * mass / reach
         else:
             reach = 0.5 * np.array([[vessel.width, vessel.depth]])
-            xi = (2 * n - 1)[:, np.newaxis] * 0.5 * math.pi
+            xi = (2.0 * n - 1.0)[:, np.newaxis] * 0.5 * math.pi
             # A single mode is a plane surface; with several each has its own shape.
             shape = 1.0 if vessel.modes == 1 else 2.0 / xi**2
             gain = shape * xi * np.tanh(xi * vessel.fill / reach)
@@ -138,7 +138,8 @@ class Liquids:
         felt = begin + at * (end - begin)
         along, lift = felt[:, 0] + 1j * felt[:, 1], 1.0 + felt[:, 2] / GRAVITY
         rate = self._round_rate if self._round else self._rectangle_rate
-        q, v = self.place, self.speed
+        q: NDArray[np.complex128] = self.place
+        v: NDArray[np.complex128] = self.speed
         for k in range(count):
             first, middle, last = ((along[2 * k + m], lift[2 * k + m]) for m in range(3))
             a1 = rate(q, v, *first)

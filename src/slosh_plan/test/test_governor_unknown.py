@@ -1,5 +1,6 @@
 """Tests the governor where the liquid is not known: starts, uneven steps, clocks, observers."""
 
+import copy
 import math
 
 import numpy as np
@@ -108,6 +109,26 @@ def test_a_clock_that_steps_leaves_the_phase_of_the_wave_unknown(stepped):
     turned = 2.0 * math.sin(0.5 * min(0.97 * OMEGA * period * abs(stepped), math.pi))
     assert told[1].unknown > 0.9 * turned * heights[0]
     assert told[1].unknown_cause in (Cause.LATE, Cause.CLOCK)
+
+
+@pytest.mark.parametrize("late", [0.3, 0.9, 1.5, 2.5, 6.0])
+def test_a_late_step_in_a_stop_makes_it_little_longer(late):
+    """The held velocity asks for another stop; what has become unknown does not."""
+    governor, now = Governor(CUP, LIMITS, at_rest=True), 0
+    for _ in range(60):
+        now += PERIOD_NS
+        governor.take(Command(now, (0.2, 0.0, 0.0)))
+        begun = governor.step(now)
+    told = copy.deepcopy(governor).stopped()
+    governor.stop()
+    gone = []
+    while not governor.rests and len(gone) < 1000:
+        now += PERIOD_NS + round(late * PERIOD_NS * (len(gone) == 2))
+        gone.append(governor.step(now))
+    held = 0.2 * late * 1e-9 * PERIOD_NS
+    way, long = (one[-1].position[0] - begun.position[0] for one in (told, gone))
+    assert long < 1.25 * way + held
+    assert max(one.unknown for one in gone) > 0.0
 
 
 def test_vertical_motion_pumps_an_unknown_wave_as_it_pumps_the_liquid():

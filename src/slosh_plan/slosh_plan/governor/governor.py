@@ -424,8 +424,11 @@ class Governor:
         """Raises the heights that the motion is judged by to those of the unknown waves.
 
         At most up to a part of the limit, so that the container can move. In steps: a held stop
-        that is safe stays so where they change a little.
+        that is safe stays so where they change a little. A stop is not made longer by a wave that
+        has become unknown in it: that wave would be there all the same, and `safe` counts it.
         """
+        if self._reason is not StopReason.NONE and not self.rests:
+            return
         limit, extra = self._table[:, layout.LIMIT], self._table[:, layout.EXTRA]
         grain, most = TUNING.governor_grain * limit, TUNING.governor_unknown * limit
         heights = self._unknown.heights
