@@ -294,8 +294,8 @@ class Stream:
         wanted = np.linalg.norm(self._rows, axis=1).sum() * self._t[1]
         way = self._robot.way / wanted if wanted > 0.0 else math.nan
         share = self._times[0] / sum(self._times)
-        safe, highest = self.heights
-        return Told(0.0, self.count, safe, highest, share, float(way))
+        safe, anyway = self.heights
+        return Told(0.0, self.count, safe, anyway, share, float(way))
 
     def _step(self) -> Governed:
         """Makes one step of the governor, as its node does."""

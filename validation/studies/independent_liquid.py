@@ -8,8 +8,7 @@ liquids and modes at once. It judges what other code computes, so it imports Num
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,16 +53,16 @@ class Liquids:
 
     def __init__(self, vessel: Vessel, damping: float, factors: Real) -> None:
         self._round = vessel.radius > 0.0
-        n = np.arange(1, vessel.modes + 1)
+        n = np.arange(1.0, vessel.modes + 1.0)
         if self._round:
-            reach: Real = np.full((1, 2), vessel.radius)
-            xi: Real = jnp_zeros(1, vessel.modes)[:, np.newaxis]
+            reach = np.full((1, 2), vessel.radius)
+            xi = jnp_zeros(1, vessel.modes)[:, np.newaxis]
             mass = 2.0 * reach * np.tanh(xi * vessel.fill / reach)
             mass = mass / (xi * vessel.fill * (xi**2 - 1.0))
             gain = xi**2 * vessel.fill * mass / reach
         else:
             reach = 0.5 * np.array([[vessel.width, vessel.depth]])
-            xi = np.asarray((2 * n - 1)[:, np.newaxis] * 0.5 * math.pi, np.float64)
+            xi = (2.0 * n - 1.0)[:, np.newaxis] * 0.5 * math.pi
             # A single mode is a plane surface; with several each has its own shape.
             shape = 1.0 if vessel.modes == 1 else 2.0 / xi**2
             gain = shape * xi * np.tanh(xi * vessel.fill / reach)
@@ -138,8 +137,9 @@ class Liquids:
         at = np.linspace(0.0, 1.0, 2 * count + 1)[:, np.newaxis]
         felt = begin + at * (end - begin)
         along, lift = felt[:, 0] + 1j * felt[:, 1], 1.0 + felt[:, 2] / GRAVITY
-        rate: Callable[..., Any] = self._round_rate if self._round else self._rectangle_rate
-        q, v = self.place, self.speed
+        rate = self._round_rate if self._round else self._rectangle_rate
+        q: NDArray[np.complex128] = self.place
+        v: NDArray[np.complex128] = self.speed
         for k in range(count):
             first, middle, last = ((along[2 * k + m], lift[2 * k + m]) for m in range(3))
             a1 = rate(q, v, *first)

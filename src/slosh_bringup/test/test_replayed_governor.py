@@ -1,7 +1,6 @@
 """Tests that a replay reproduces the governor's steps from commands and fused estimates."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from slosh_estimator.observer.observer import Observer
 from slosh_estimator.observer.states import fused_fields
 from slosh_estimator.robot import available
 from slosh_model import format_model
-from slosh_plan.governor import Command, SeenLiquid, StopReason
+from slosh_plan.governor import Command, Governed, SeenLiquid, StopReason
 from slosh_plan.governor.parameters import arm_of, governor_of, velocity_command
 from slosh_plan.joints import Arm
 from slosh_plan.nodes.governor_parameters import PARAMETERS
@@ -149,7 +148,7 @@ class ToldBag(GovernedBag):
     """One of targets, with a command that turns; then the container is told again."""
 
     _renewed: bool
-    moved: list[Any]
+    moved: list[Governed]
 
     def _move(self, now, log_ns):
         step = self._count // EVERY

@@ -151,7 +151,8 @@ def test_each_unusable_command_has_its_own_reason_also_after_a_silence(
     cell.command(**{"x": 0.1, **wrong})
     assert cell.rest(reason).velocity.tolist() == [0.0] * 3
     level, sentence = cell.governor._health()
-    assert level == WARN
+    # On a busy machine a step may be so late that the liquid is not known.
+    assert level == (WARN if cell.moved[-1].safe else ERROR)
     assert re.search(told, sentence), sentence
     assert cell.follow(0.1, 20).velocity[0] > 0.05
 
@@ -204,8 +205,13 @@ def test_an_emergency_stop_holds_until_it_is_released(cell: Cell) -> None:
         one for one in cell.moved
         if to_nanoseconds(one.header.stamp) == to_nanoseconds(stops[0].header.stamp)
     )  # fmt: skip
-    # A step that comes late is a longer way.
-    assert gone - begun.position[0] == pytest.approx(told, abs=0.003)
+    # A step that comes late asks for another stop; on a busy machine some do.
+    way = gone - begun.position[0]
+    moved = [one for one in cell.moved if begun.steps <= one.steps <= rest.steps]
+    apart = np.diff([to_nanoseconds(one.header.stamp) for one in moved])
+    if apart.max() < 1.1e9 * cell.governor._core.period:
+        assert way == pytest.approx(told, abs=0.003)
+    assert 0.0 < way < 1.25 * told + 0.003
     assert cell.follow(0.2, 5).velocity[0] == 0.0
     assert cell.call(Trigger, topics.RELEASE_STOP, Trigger.Request()).success
     assert cell.follow(0.2, 20).velocity[0] > 0.05

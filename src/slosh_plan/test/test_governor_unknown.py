@@ -1,5 +1,6 @@
 """Tests the governor where the liquid is not known: starts, uneven steps, clocks, observers."""
 
+import copy
 import math
 
 import numpy as np
@@ -10,8 +11,8 @@ from slosh_model.constants import GRAVITY
 from slosh_model.tray import Tray, TrayContainer
 from slosh_plan.governor import Command, Governor, ModelDoubt, SeenLiquid
 from slosh_plan.governor.cups import cups_of, reserve_of, steps_of, table_of
-from slosh_plan.governor.layout import PARTS_OF_ROW
-from slosh_plan.governor.unknown import Cause, UnknownWave
+from slosh_plan.governor.layout import MODELS, PARTS_OF_ROW, SIZE
+from slosh_plan.governor.unknown import Cause, UnknownWave, wave_heights
 from slosh_plan.planning.limits import PlanLimits
 
 PERIOD_NS = 10_000_000
@@ -85,6 +86,49 @@ def test_a_governor_that_starts_is_not_safe_until_the_largest_wave_has_decayed()
         assert (moved.safe, moved.unknown_since_ns) == (safe, PERIOD_NS)
         assert moved.share > 0.0  # it may move meanwhile
     assert Governor(CUP, LIMITS, at_rest=True).idle(PERIOD_NS).safe
+
+
+@pytest.mark.parametrize("stepped", [0.3, 0.6, 1.0, 1.8, 4.0, -0.95])
+def test_a_clock_that_steps_leaves_the_phase_of_the_wave_unknown(stepped):
+    """The liquid goes on; what the governor computes is ahead or behind by the clock's step."""
+    period, commands = 0.05, [0.3] * 9 + [-0.3] * 21
+    told, heights = [], []
+    for change in (0.0, stepped):
+        governor = Governor(CUP, LIMITS, period=period, at_rest=True)
+        for step, speed in enumerate(commands):
+            now = round(1e9 * period * (20 + step + change * (step > 10)))
+            governor.take(Command(now, (speed, 0.0, 0.0)))
+            moved = governor.step(now)
+            if step == 10:
+                size = int(governor._table[0, SIZE])
+                heights.append(wave_heights(governor._stores[:MODELS, :size], size).max())
+            if step == 13:
+                told.append(moved)
+    assert heights[0] == heights[1] > 0.2 * LIMITS.height
+    assert told[0].unknown == 0.0
+    turned = 2.0 * math.sin(0.5 * min(0.97 * OMEGA * period * abs(stepped), math.pi))
+    assert told[1].unknown > 0.9 * turned * heights[0]
+    assert told[1].unknown_cause in (Cause.LATE, Cause.CLOCK)
+
+
+@pytest.mark.parametrize("late", [0.3, 0.9, 1.5, 2.5, 6.0])
+def test_a_late_step_in_a_stop_makes_it_little_longer(late):
+    """The held velocity asks for another stop; what has become unknown does not."""
+    governor, now = Governor(CUP, LIMITS, at_rest=True), 0
+    for _ in range(60):
+        now += PERIOD_NS
+        governor.take(Command(now, (0.2, 0.0, 0.0)))
+        begun = governor.step(now)
+    told = copy.deepcopy(governor).stopped()
+    governor.stop()
+    gone = []
+    while not governor.rests and len(gone) < 1000:
+        now += PERIOD_NS + round(late * PERIOD_NS * (len(gone) == 2))
+        gone.append(governor.step(now))
+    held = 0.2 * late * 1e-9 * PERIOD_NS
+    way, long = (one[-1].position[0] - begun.position[0] for one in (told, gone))
+    assert long < 1.25 * way + held
+    assert max(one.unknown for one in gone) > 0.0
 
 
 def test_vertical_motion_pumps_an_unknown_wave_as_it_pumps_the_liquid():

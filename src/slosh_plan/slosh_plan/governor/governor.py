@@ -157,7 +157,8 @@ class Governor:
         )  # fmt: skip
         self._own, self._felt = np.zeros(len(self._cups)), np.zeros((len(self._points), AXES))
         self._since_ns: int | None = 0 if at_rest else None
-        self._usual = 0.0
+        self._usual = self._later = self._sooner = 0.0
+        self._usual_gap, self._usual_share = period, usual_share(period, first_period(self.model))
         self._command: Command | None = None
         self._latest = Command(0)
         self._came = False
@@ -286,8 +287,12 @@ class Governor:
         """
         self._steps += 1
         last, early = self._last, self._is_early(now_ns)
+        self._compare(now_ns)
         self._look(now_ns)
         if early and last is not None:
+            if self._sooner > 0.0:  # a clock that went back looks the same
+                self._doubt_time(min(self._sooner, self.period), Cause.LATE)
+                self._sooner = 0.0
             return last._replace(
                 stamp_ns=now_ns, reason=self._reason, steps=self._steps, commands=self._commands,
                 joint_start=(),
@@ -335,12 +340,21 @@ class Governor:
         early = self._due_ns - now_ns >= TUNING.governor_missed * self.period * SECOND
         return early and now_ns > self._last_ns and not self.rests
 
+    def _compare(self, now_ns: int) -> None:
+        """Compares the time since the last step with the usual one: later or sooner [s]."""
+        apart = (now_ns - self._last_ns) / SECOND
+        if 0.0 < apart <= TUNING.governor_late * self.period:
+            self._later = apart - self._usual_gap
+            self._sooner = max(self._sooner, -self._later)
+            self._usual_gap += self._usual_share * self._later
+
     def _make_up(self, now_ns: int) -> None:
         """Advances the liquid to the present; adds to the unknown wave what may be otherwise.
 
         A robot may hold its velocity while a step is late, or reach the next one later: what lies
-        between is a displacement by the change of velocity in the delay. Where the time that has
-        passed is not known the waves may be at any phase, and the robot may have stopped.
+        between is a displacement by the change of velocity in the delay. A clock that steps looks
+        like a step later than usual: then nothing has been held, and the waves are behind. Where
+        the time that has passed is not known the robot may have stopped, too.
         """
         points = self._table[:, layout.POINT].astype(np.int64)
         felt = 0.5 * (self._felt + self._chosen)[points]
@@ -351,7 +365,9 @@ class Governor:
         held = min(max(-lead, 0.0), self.timeout)
         if not known:
             lead, held = 0.0, min(max(gap - self.period, 0.0), self.timeout)
-            self._doubt_time(gap)
+            self._doubt_time(gap, Cause.CLOCK)
+        elif min(held, self._later) > 0.0:
+            self._doubt_time(min(held, self._later), Cause.LATE)
         if held > 0.0:
             self._hold(held)
         if lead <= 0.0:
@@ -359,8 +375,7 @@ class Governor:
         uneven = held + abs(lead - self._usual)
         if uneven > 0.0 and felt[:, :2].any():
             self._unknown.shift(self.period * uneven * felt[:, :2], Cause.LATE)
-        share = usual_share(self.period, first_period(self.model))
-        self._usual += share * (lead - self._usual)
+        self._usual += self._usual_share * (lead - self._usual)
 
     def _hold(self, seconds: float) -> None:
         """Advances motion and liquids by a time [s] in which the robot holds its velocity.
@@ -390,32 +405,30 @@ class Governor:
             felt = self._chosen[int(row[layout.POINT])]
             model_kernel.step(store[: int(row[layout.SIZE])], 0.0, *felt.tolist())
 
-    def _doubt_time(self, gap: float) -> None:
-        """Adds to the unknown wave what may be after a gap [s] that may not be the real one."""
-        omega = np.array([cup.model.mode_constants()[0].natural_frequency for cup in self._cups])
-        waves = np.array(
-            [
-                wave_heights(
-                    self._stores[k * layout.MODELS : (k + 1) * layout.MODELS],
-                    int(self._table[k, layout.SIZE]),
-                ).max()
-                for k in range(len(self._cups))
-            ]
-        )
-        turned = omega * gap if gap > 0.0 else np.full(len(omega), math.pi)
-        more = 2.0 * waves * np.sin(0.5 * np.minimum(turned, math.pi))
-        if not self.rests and not 0.0 < gap <= self.timeout:
+    def _doubt_time(self, seconds: float, cause: Cause) -> None:
+        """Adds to the unknown wave what may be if a time [s] has not passed, or only in part."""
+        turned = seconds if seconds > 0.0 else math.inf
+        more = self._unknown.turned(turned)
+        for cup in range(len(self._cups)):
+            stores = self._stores[cup * layout.MODELS : (cup + 1) * layout.MODELS]
+            size = int(self._table[cup, layout.SIZE])
+            more[cup] += wave_heights(stores, size, seconds=turned).max()
+        if not self.rests and not 0.0 < seconds <= self.timeout:
             gains = np.array([cup.gains.max() for cup in self._cups])
+            omega = [cup.model.mode_constants()[0].natural_frequency for cup in self._cups]
             speed = float(np.linalg.norm(self._moved()[layout.VELOCITY]))
-            more += gains * speed / omega
-        self._unknown.add(np.minimum(more, self._unknown.largest + waves), Cause.CLOCK)
+            more += gains * speed / np.array(omega)
+        self._unknown.add(more, cause)
 
     def _allow(self) -> None:
         """Raises the heights that the motion is judged by to those of the unknown waves.
 
         At most up to a part of the limit, so that the container can move. In steps: a held stop
-        that is safe stays so where they change a little.
+        that is safe stays so where they change a little. A stop is not made longer by a wave that
+        has become unknown in it: that wave would be there all the same, and `safe` counts it.
         """
+        if self._reason is not StopReason.NONE and not self.rests:
+            return
         limit, extra = self._table[:, layout.LIMIT], self._table[:, layout.EXTRA]
         grain, most = TUNING.governor_grain * limit, TUNING.governor_unknown * limit
         heights = self._unknown.heights

@@ -117,6 +117,12 @@ class UnknownWave:
         for cup in np.flatnonzero(self.heights > self.largest):
             self.bound(int(cup), float(self.largest[cup]), self.cause)
 
+    def turned(self, seconds: float) -> Array:
+        """Returns by how much (C,) [m] the shifts change at most within a time [s]."""
+        size = np.sqrt((self._shift**2).sum(axis=-1))
+        found: Array = (chord(self._omega * seconds) * size).max(axis=1)
+        return found
+
     def bound(self, cup: int, height: float, cause: Cause) -> None:
         """Replaces what may be in a container by any wave up to a height [m]."""
         if height > self.heights[cup]:
@@ -197,7 +203,12 @@ def largest_wave(cup: Cup) -> float:
 
 
 def wave_heights(
-    stores: Array, size: int, modal: Array | None = None, scales: Array | None = None
+    stores: Array,
+    size: int,
+    modal: Array | None = None,
+    scales: Array | None = None,
+    *,
+    seconds: float | None = None,
 ) -> Array:
     """Returns the heights (M,) [m] that free waves of models may reach, or of their difference.
 
@@ -206,6 +217,7 @@ def wave_heights(
         size: of a model's store.
         modal: (modes, 4) x, y, vx, vy of the masses from which the difference is taken; None: 0.
         scales: (M,) factors of it for each model.
+        seconds: the difference is that from the waves up to this time [s] later.
     """
     lead = size - divided(stores[0, :size])[1].shape[0] * MODE.itemsize // 8
     modes = np.ascontiguousarray(stores[:, lead:size]).view(MODE)
@@ -218,8 +230,16 @@ def wave_heights(
         factor * other[:, 1] - modes["y"], (factor * other[:, 3] - modes["vy"]) / (omega * ratio)
     )
     x, y = modes["height_gain"] * x, modes["height_gain_y"] * y
+    if seconds is not None:
+        x, y = x * chord(omega * seconds), y * chord(omega * ratio * seconds)
     plain = run["cornered"] == 0.0 and run["corner_count"] == 0.0
     found: Array = (np.hypot(x, y) if plain else x + y).sum(axis=1)
+    return found
+
+
+def chord(angles: Array) -> Array:
+    """Returns the greatest change of a unit vector that turns by up to angles [rad]."""
+    found: Array = 2.0 * np.sin(0.5 * np.minimum(angles, math.pi))
     return found
 
 
