@@ -368,8 +368,13 @@ def test_measurements_that_are_none_are_refused(height, acceleration, match):
     across = np.zeros((len(t), 3))
     across[:, 0] = acceleration * np.sin(9.0 * t)
     eta = height * np.cos(9.0 * t)[:, np.newaxis]
+
+    def identified():
+        motion = MeasuredMotion("run", Inputs(t, across), t, eta=eta, eta_azimuth=np.zeros(1))
+        return identify([motion], BASE)
+
     with pytest.raises(SloshDiscoveryError, match=match):
-        MeasuredMotion("run", Inputs(t, across), t, eta=eta, eta_azimuth=np.zeros(1))
+        identified()
 
 
 def test_without_motions_there_is_nothing_to_identify():

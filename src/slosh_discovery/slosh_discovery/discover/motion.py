@@ -88,10 +88,6 @@ class MeasuredMotion:
             raise SloshDiscoveryError(
                 f"{self.name}: heights reach {highest:.4g} m; they must be given in metres"
             )
-        if not np.nanmax(np.abs(self.heights)):
-            raise SloshDiscoveryError(
-                f"{self.name}: all heights are 0: nothing was measured, or the column is empty"
-            )
         hardest = float(np.nanmax(np.abs(self.inputs.acceleration), initial=0.0))
         if hardest > _HARDEST:
             raise SloshDiscoveryError(

@@ -81,6 +81,10 @@ def identify(
     """
     if not motions:
         raise SloshDiscoveryError("no motion with measured heights: nothing to identify from")
+    if not any(np.nanmax(np.abs(motion.heights)) for motion in motions):
+        raise SloshDiscoveryError(
+            f"{motions[0].name}: all heights are 0: nothing was measured, or the column is empty"
+        )
     motions, faulty = sound_fit(motions)
     holdout, faulty_holdout = sound(holdout)
     told = progress or (lambda text, share: None)
