@@ -1,5 +1,6 @@
 """Tests plans of joint motions: same path, all limits kept, as fast as known laws."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -304,3 +305,16 @@ def test_a_wrong_file_of_limits_is_named(tmp_path, text, words):
     file.write_text(text)
     with pytest.raises(SloshPlanError, match=words):
         read_joint_limits(file)
+
+
+def test_columns_that_no_option_names_are_not_read(tmp_path, arm):
+    path = tmp_path / "echo.csv"
+    path.write_text("stamp,frame_id,q0,q1\n0.0,,0.1,0.2\n0.5,base,0.2,0.3\n1.0,,0.3,0.4\n")
+    told = []
+    options = dataclasses.replace(
+        FOUND_OUT, columns={"t": "stamp", "shoulder": "q0", "elbow": "q1"}, tell=told.append
+    )
+    table = read_joint_table(path, arm, options)
+    assert table.names == ("shoulder", "elbow")
+    np.testing.assert_allclose(table.position, [[0.1, 0.2], [0.2, 0.3], [0.3, 0.4]])
+    assert "not read: frame_id" in told[0]

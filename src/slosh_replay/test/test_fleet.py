@@ -145,6 +145,18 @@ def test_what_is_stored_comes_out_again(tmp_path):
 
 
 @needs_duckdb
+def test_pandas_reads_the_folder_as_it_is(tmp_path):
+    pandas = pytest.importorskip("pandas", reason="pandas is not installed")
+    store = tmp_path / "store"
+    (store / "ingested").mkdir(parents=True)
+    (store / "ingested" / "0").write_text("1")  # a note of an earlier version
+    for name in ("c", "c3"):
+        ingest(BAGS / name, FleetStore(str(store)))
+    found = pandas.read_parquet(store)
+    assert len(found) == 2
+    assert set(found["cell"]) == {"slosh"}
+
+
 def test_a_motion_counts_once_whatever_bags_have_it(tmp_path):
     store = FleetStore(str(tmp_path))
     rows = [row(0), row(1)]
@@ -274,7 +286,7 @@ def test_files_of_an_older_version_lack_columns(tmp_path):
     [
         ("SELECT * FROM range(100000000)", "more than 1000000 rows"),
         ("SELECT repeat('x', 100000000) FROM range(20)", "more than 500 MB"),
-        ("SELECT string_agg(repeat('x', 1000000000), '') FROM range(100)", "of memory; ask"),
+        ("SELECT string_agg(repeat('x', 60000000), '') FROM range(100)", "of memory; ask"),
     ],
 )
 def test_a_query_beyond_memory_is_one_line(tmp_path, monkeypatch, sql, told):

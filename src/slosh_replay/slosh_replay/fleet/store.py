@@ -3,7 +3,8 @@
 STORE/cell=line_1/month=2026-11/<begin>-<end>-<digest>.parquet holds motions of one bag. The name
 has the first and last begin of its motions [ns] and the digest of its rows: the same bag gives the
 same file, and is stored once. A file appears as a whole.
-STORE/ingested/<digest> holds the number of motions of a bag that needs no second reading.
+STORE/_ingested/<digest> holds the number of motions of a bag that needs no second reading. Readers
+of Parquet folders, as pandas, pass over names that begin so.
 """
 
 from __future__ import annotations
@@ -26,8 +27,9 @@ from slosh_replay.fleet.motion_row import COLUMNS, Column, MotionRow
 
 SUFFIX: Final = ".parquet"
 _SPAN: Final = re.compile(r"(\d+)-(\d+)-")
-NOTES: Final = "ingested"
+NOTES: Final = "_ingested"
 """Folder of the notes on ingested bags."""
+_OLD_NOTES: Final = "ingested"
 ADDED: Final = (
     Column("month", "str", "1", "month of the begin, UTC"),
     Column("begin", "timestamp", "UTC", "begin of the motion"),
@@ -130,6 +132,9 @@ class FleetStore:
         """
         with self._naming():
             self._put(self._note(state), str(motions).encode())
+            old = f"{self._root}/{_OLD_NOTES}"
+            if self._files.exists(old):  # of earlier versions, which pandas takes for data
+                self._files.rm(old, recursive=True)
 
     def _note(self, state: str) -> str:
         return f"{self._root}/{NOTES}/{state[:32]}"

@@ -103,11 +103,14 @@ def columns_of(
             or a unit is unknown.
     """
     wanted = _wanted(path, heading, options)
+    # The user's own names are known by the option alone, where it gives more than the time's.
+    chosen = bool(options.columns.keys() - {TIME})
     found: list[Column] = []
     for place, given in enumerate(heading):
         below = unit_row[place] if place < len(unit_row) else ""
         column = _column(path, given, place, below, wanted.get(place), options, free=free)
-        taken = place in wanted or column.name in _KINDS or free or not options.columns
+        known = not chosen or column.name == TIME if free else column.name in _KINDS
+        taken = place in wanted or known or not options.columns
         if place not in wanted and column.name in options.columns:
             continue  # another column was named for it
         if taken or _is_height(column.name):
