@@ -513,6 +513,45 @@ def test_a_profile_whose_heading_names_the_height_first(tmp_path, heading):
     assert read == ((0.0, 0.0), (0.028, 0.0), (0.04, 0.09))
 
 
+@pytest.mark.parametrize(
+    ("heading", "rows"),
+    [
+        ("r [mm],z [mm]", ("0,0", "28,0", "40,90")),
+        ("r (cm);z (cm)", ("0;0", "2,8;0", "4;9")),
+        ("x_in,y_in", ("0,0", "1.1023622047,0", "1.5748031496,3.5433070866")),
+        ("d,z", ("0,0", "0.056,0", "0.08,0.09")),
+        ("Height [mm],Diameter [cm]", ("0,0", "0,5.6", "90,8")),
+        ("z,y", ("0,0", "0,0.028", "0.09,0.04")),
+    ],
+)
+def test_a_heading_says_units_diameters_and_order(tmp_path, heading, rows):
+    (tmp_path / "cup.csv").write_text("\n".join((heading, *rows)))
+    read = points_of("cup.csv", ("container", "profile"), tmp_path)
+    np.testing.assert_allclose(read, [[0.0, 0.0], [0.028, 0.0], [0.04, 0.09]], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("heading", "told"),
+    [("r [parsec],z", "the unit 'parsec' is unknown"), ("r,phi", "give the points as x and y")],
+)
+def test_a_heading_that_cannot_be_read_is_named(tmp_path, heading, told):
+    (tmp_path / "cup.csv").write_text(f"{heading}\n0,0\n0.028,0\n0.04,0.09\n")
+    with pytest.raises(SloshModelError, match=told):
+        points_of("cup.csv", ("container", "profile"), tmp_path)
+
+
+def test_a_circle_of_many_points_is_the_cylinder():
+    turn = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
+    points = tuple(
+        zip((0.035 * np.cos(turn)).tolist(), (0.035 * np.sin(turn)).tolist(), strict=True)
+    )
+    prism = parse_model(
+        f"container: {{shape: prism, outline: {[list(p) for p in points]}, fill_height: 0.06}}"
+    ).container
+    round_one = parse_model("container: {radius: 0.035, fill_height: 0.06}").container
+    assert prism.natural_frequency(1) == pytest.approx(round_one.natural_frequency(1), rel=1e-4)
+
+
 def test_a_profile_on_one_upright_line_is_refused(tmp_path):
     text = "container: {shape: revolution, profile: [[0, 0], [0, 0.1]], fill_height: 0.06}"
     with pytest.raises(SloshModelError, match="no width: all points lie on one upright line"):

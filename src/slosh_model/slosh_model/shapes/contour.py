@@ -20,8 +20,8 @@ from slosh_model.errors import SloshModelError
 Point = tuple[float, float]
 Points = tuple[Point, ...]
 
-MOST_POINTS = 500
-"""Of a profile or an outline; more is a photograph's noise."""
+MOST_POINTS = 2000
+"""Of a profile or an outline."""
 SIZES = (2e-3, 3.0)
 """Width and height of a container [m]: outside, the unit is probably not the metre."""
 _FURTHEST = 1e4

@@ -23,11 +23,17 @@ MODES, OWNER, IN_USE = "modes", "modes_of", "modes_in_use"
 TURN = "turn"
 _AXES = ("x", "y")
 _LONGEST = 64_000
-_NAME = re.compile(r"[\s\"'#]*([a-z]+)", re.IGNORECASE)
-_BACKWARDS = (
-    ["z", "r"], ["z", "x"], ["y", "x"], ["y", "r"],
-    ["z", "radius"], ["height", "radius"], ["height", "r"], ["h", "r"], ["z", "y"],
-)  # fmt: skip
+_HEADING = re.compile(
+    r"[\s\"'#]*(?P<name>[^\W\d_]+)[\s\"']*(?:[\[(/_]\s*(?:in\s+)?(?P<unit>[^\])\s\"']+)[\])]?)?[\s\"']*"
+)
+_ACROSS = {"r": 1.0, "radius": 1.0, "x": 1.0, "d": 0.5, "diameter": 0.5}
+"""Names of the first coordinate, with the share of a value that is it."""
+_UPWARDS = ("z", "y", "h", "height")
+_ANGLES = ("phi", "theta", "angle", "azimuth")
+_UNITS = {
+    "m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "in": 0.0254,
+    "inch": 0.0254, "inches": 0.0254, "ft": 0.3048,
+}  # fmt: skip
 
 
 def points_of(value: Any, path: KeyPath, folder: Path) -> Any:
@@ -58,28 +64,60 @@ def _csv_points(path: Path, keys: KeyPath) -> tuple[tuple[float, ...], ...]:
     except (TextFileError, csv.Error) as error:
         raise SloshModelError(f"{dotted(keys)}: {error}", keys) from None
     found: list[tuple[float, ...]] = []
-    exchanged = False
+    factors, exchanged = (1.0, 1.0), False
     for number, cells in enumerate(lines, start=1):
         if not any(cells) or cells[0].startswith("#"):
             continue
         try:
-            found.append(tuple(float(cell) for cell in cells))
+            values = tuple(float(cell) for cell in cells)
         except ValueError:
             if not found and not any(map(_is_number, cells)):  # a heading
-                exchanged = _exchanged(cells)
+                factors, exchanged = _heading(path, cells, keys)
                 continue
             raise SloshModelError(
                 f"{path}:{number}: {','.join(cells)!r:.60} must be two numbers [m]", keys
             ) from None
+        if len(values) == 2:
+            values = (values[0] * factors[0], values[1] * factors[1])
+        found.append(values[::-1] if exchanged else values)
         if len(found) > MOST_POINTS:
-            raise SloshModelError(f"{path}: more than {MOST_POINTS} points", keys)
-    return tuple(pair[::-1] for pair in found) if exchanged else tuple(found)
+            raise SloshModelError(
+                f"{path}: more than {MOST_POINTS} points; keep every second or third one", keys
+            )
+    return tuple(found)
 
 
-def _exchanged(heading: Sequence[str]) -> bool:
-    """Whether a heading such as `z,r` or `y [m],x [m]` says that the second column is first."""
-    names = [_NAME.match(cell) for cell in heading]
-    return [found and found[1].lower() for found in names] in _BACKWARDS
+def _heading(path: Path, cells: Sequence[str], keys: KeyPath) -> tuple[tuple[float, float], bool]:
+    """Returns what a heading such as `r [mm],z [mm]` or `height,diameter` says of two columns.
+
+    Returns:
+        factors to metres and to the radius, and whether the second column comes first.
+
+    Raises:
+        SloshModelError: an unknown unit, or angles.
+    """
+    names, factors = [], []
+    for cell in cells[:2]:
+        match = _HEADING.fullmatch(cell)
+        name, unit = (match["name"].lower(), match["unit"]) if match else ("", None)
+        if name in _ANGLES:
+            raise SloshModelError(
+                f"{path}: column {cell!r} holds angles: give the points as x and y", keys
+            )
+        if unit is not None and unit.lower() not in _UNITS:
+            raise SloshModelError(
+                f"{path}: column {cell!r}: the unit {unit!r} is unknown; known are "
+                f"{', '.join(_UNITS)}",
+                keys,
+            )
+        names.append(name)
+        factors.append(_UNITS[unit.lower()] if unit else 1.0)
+    first, second = (*names, "", "")[:2]
+    # A trough's profile goes along y, an outline's second coordinate is y.
+    exchanged = first in _UPWARDS and (second in _ACROSS or (second == "y" and first != "y"))
+    across = second if exchanged else first
+    factors[exchanged] *= _ACROSS.get(across, 1.0)
+    return (factors[0], factors[1]), exchanged
 
 
 def _cells(text: str) -> list[list[str]]:
