@@ -11,7 +11,7 @@ from slosh_model.constants import GRAVITY
 from slosh_model.tray import Tray, TrayContainer
 from slosh_plan.governor import Command, Governor, ModelDoubt, SeenLiquid
 from slosh_plan.governor.cups import cups_of, reserve_of, steps_of, table_of
-from slosh_plan.governor.layout import MODELS, PARTS_OF_ROW, SIZE
+from slosh_plan.governor.layout import PARTS_OF_ROW
 from slosh_plan.governor.unknown import Cause, UnknownWave, wave_heights
 from slosh_plan.planning.limits import PlanLimits
 
@@ -100,8 +100,7 @@ def test_a_clock_that_steps_leaves_the_phase_of_the_wave_unknown(stepped):
             governor.take(Command(now, (speed, 0.0, 0.0)))
             moved = governor.step(now)
             if step == 10:
-                size = int(governor._table[0, SIZE])
-                heights.append(wave_heights(governor._stores[:MODELS, :size], size).max())
+                heights.append(wave_heights(governor._mechanics.first).max())
             if step == 13:
                 told.append(moved)
     assert heights[0] == heights[1] > 0.2 * LIMITS.height

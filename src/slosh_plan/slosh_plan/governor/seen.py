@@ -50,13 +50,12 @@ class Witness:
         self._looks: deque[Look] = deque()
         self._driven = self._missed = self._watched = self._least = 0.0
 
-    def look(self, liquid: SeenLiquid, past: PastLiquid, size: int) -> float:
+    def look(self, liquid: SeenLiquid, past: PastLiquid) -> float:
         """Compares an observed state with those of the models then.
 
         Args:
             liquid: the state.
             past: of the models.
-            size: of a model's store.
 
         Returns:
             the height of the wave by which it differs from the nearest model [m]; NaN: it is of a
@@ -66,8 +65,8 @@ class Witness:
         if stores is None:
             return math.nan
         scales = (liquid.frequency_factor / self._scale) ** 2
-        distance = float(wave_heights(stores, size, liquid.modal, scales).min())
-        mode = divided(stores[0, :size])[1][0]
+        distance = float(wave_heights(stores, liquid.modal, scales).min())
+        mode = divided(stores[0])[1][0]
         own = np.array([[mode["x"], mode["y"], mode["vx"], mode["vy"]]])
         t, omega = liquid.stamp_ns / SECOND, float(mode["natural_frequency"])
         turn = cmath.exp(-1j * math.fmod(omega * t, 2.0 * math.pi))
