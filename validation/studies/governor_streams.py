@@ -82,7 +82,8 @@ LIES = {
 PLAIN, UNEVEN, CLOCK = "nothing wrong", "late and left out steps", "steps of the clock"
 NUMBERS, AGAIN, OTHER = "invalid numbers", "its container's limit changed", "another container"
 KILLED, MOVING = "a governor killed and started", "liquid that moves at the start"
-KINDS = (PLAIN, UNEVEN, CLOCK, NUMBERS, AGAIN, OTHER, KILLED, MOVING, *LIES)
+SMALL = "small steps of the clock"
+KINDS = (PLAIN, UNEVEN, CLOCK, NUMBERS, AGAIN, OTHER, KILLED, MOVING, *LIES, SMALL)
 
 
 class Setting(NamedTuple):
@@ -273,7 +274,7 @@ class Stream:
         if kind == MOVING:
             self._disturb()
             self._wait()
-        self._uneven = rng.random(3) if kind == UNEVEN else np.zeros(3)
+        self._uneven = rng.random(3) if kind in (UNEVEN, SMALL) else np.zeros(3)
 
     def run(self) -> Told:
         """Runs the stream until the robot rests after its commands."""
@@ -323,6 +324,10 @@ class Stream:
     def _pause(self) -> float:
         """Draws the time until the next step [s]."""
         rng, (jitter, late, left_out) = self._rng, self._uneven
+        if self._kind == SMALL:
+            back = (rng.random() < 0.3 * jitter) * rng.uniform(0.05, 0.85) * left_out
+            self._clock -= round(back * self._period * SECOND)
+            return self._period * (1.0 + (rng.random() < 0.1 * late**3) * rng.random())
         if self._kind != UNEVEN:
             return self._period
         delay = rng.uniform(0.0, 8.0) if rng.random() < 0.05 * late else 0.0

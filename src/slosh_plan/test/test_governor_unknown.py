@@ -110,6 +110,42 @@ def test_a_clock_that_steps_leaves_the_phase_of_the_wave_unknown(stepped):
     assert told[1].unknown_cause in (Cause.LATE, Cause.CLOCK)
 
 
+@pytest.mark.parametrize(
+    ("back", "late"),
+    [((0.45, 0.45), 0.0), ((0.3,) * 3, 0.0), ((0.2,) * 5, 0.0), ((0.1,) * 9, 0.0),
+     ((0.6, 0.6), 0.0), ((0.5,) * 4, 0.0), ((0.5,), 0.5), ((0.3, 0.3), 0.5), ((0.7,), 1.2)],
+)  # fmt: skip
+def test_small_steps_of_a_clock_back_count_together(back, late):
+    """The liquid goes on as long as a step is left out, or late and taken for one on time."""
+    period, commands = 0.05, [0.3] * 9 + [-0.3] * 31
+    governor = Governor(CUP, LIMITS, period=period, at_rest=True)
+    clock, told, waves = 0.0, [], 0.0
+    for step, speed in enumerate(commands):
+        place, odd = divmod(step - 11, 2)
+        clock -= back[place] if not odd and 0 <= place < len(back) else 0.0
+        clock += late * (step == 12 + 2 * len(back))
+        now = round(1e9 * period * (20 + step + clock))
+        governor.take(Command(now, (speed, 0.0, 0.0)))
+        told.append(governor.step(now).unknown)
+        if step == 10:
+            waves = wave_heights(governor._mechanics.first).max()
+    assert told[10] == 0.0
+    turned = 2.0 * math.sin(0.5 * min(0.97 * OMEGA * period * sum(back), math.pi))
+    assert max(told) > 0.9 * turned * waves > 0.1 * LIMITS.height
+
+
+def test_jitter_of_steps_that_are_late_and_in_time_again_does_not_grow():
+    """Delays of the same size count when they are held, and once when they are made good."""
+    rng, told = np.random.default_rng(0), []
+    governor = Governor(CUP, LIMITS, period=0.05, at_rest=True)
+    for step in range(400):
+        now = round(1e9 * (1.0 + 0.05 * step + 0.0005 * rng.random()))
+        speed = 0.3 * math.sin(0.4 * step)
+        governor.take(Command(now, (speed, 0.0, 0.0)))
+        told.append(governor.step(now).unknown)
+    assert 0.0 < max(told) < 0.05 * LIMITS.height
+
+
 @pytest.mark.parametrize("late", [0.3, 0.9, 1.5, 2.5, 6.0])
 def test_a_late_step_in_a_stop_makes_it_little_longer(late):
     """The held velocity asks for another stop; what has become unknown does not."""

@@ -106,7 +106,7 @@ class LiquidDoubts:
         """
         felt = self._mechanics.felt_lately
         self.wave.advance(lapse.passed, felt[:, 2].copy())
-        if lapse.doubtful is not None:
+        if lapse.doubtful > 0.0:
             self.doubt_time(lapse.doubtful, lapse.cause)
         if lapse.held > 0.0:
             self._mechanics.hold(lapse.held)
@@ -115,11 +115,10 @@ class LiquidDoubts:
 
     def doubt_time(self, seconds: float, cause: Cause) -> None:
         """Adds to the unknown wave what may be if a time [s] has not passed, or only in part."""
-        turned = seconds if seconds > 0.0 else math.inf
-        more = self.wave.turned(turned)
+        more = self.wave.turned(seconds)
         for cup in range(len(more)):
-            more[cup] += wave_heights(self._mechanics.models(cup), seconds=turned).max()
-        if not self._mechanics.rests and not 0.0 < seconds <= self._timeout:
+            more[cup] += wave_heights(self._mechanics.models(cup), seconds=seconds).max()
+        if not self._mechanics.rests and seconds > self._timeout:
             cups = self._mechanics.cups
             omega = [cup.model.mode_constants()[0].natural_frequency for cup in cups]
             speed = float(np.linalg.norm(self._mechanics.moved[layout.VELOCITY]))
