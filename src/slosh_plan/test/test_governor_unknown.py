@@ -207,7 +207,7 @@ def test_an_impossible_observed_state_changes_nothing_and_is_named(wrong):
     assert [str(one) for one in told[:half]] == [str(one) for one in told[half:]]
 
 
-def followed(change, seconds=3.0, **start):
+def followed(change, seconds=3.0, uncorrected=0.0, **start):
     """Returns steps, and the true heights, of a governor whose observer tells `change`d states."""
     governor, liquid = Governor(CUP, LIMITS, **start), Simulator(CUP)
     liquid.step(0.0, 0.0, 0.0, 0.0)
@@ -220,7 +220,7 @@ def followed(change, seconds=3.0, **start):
         if len(states) > 15:
             seen = change(states)
             if seen is not None:
-                assert governor.see(SeenLiquid(now, seen, 1e-4)) == ""
+                assert governor.see(SeenLiquid(now, seen, 1e-4, uncorrected=uncorrected)) == ""
         told.append(governor.step(now))
         heights.append(math.hypot(*liquid.step(0.01, *told[-1].acceleration)[:2]))
     return told, np.array(heights)
@@ -254,6 +254,13 @@ def test_an_observer_that_sees_the_liquid_ends_the_doubt_about_the_start():
     assert 0.01 * first < 2.0
     assert told[-1].unknown < 0.1 * LIMITS.height
     assert heights.max() <= LIMITS.height
+
+
+@pytest.mark.parametrize("uncorrected", [0.5, math.inf, math.nan])
+def test_an_observer_without_measurements_does_not_end_the_doubt_about_the_start(uncorrected):
+    """It is a model like the governor's: that both do alike proves nothing."""
+    told, _ = followed(lambda states: states[-1], uncorrected=uncorrected)
+    assert not any(one.safe for one in told)
 
 
 @pytest.mark.parametrize("lie", LIES)

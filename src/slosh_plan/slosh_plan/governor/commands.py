@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
@@ -61,12 +62,14 @@ class SeenLiquid(NamedTuple):
         stddev: standard deviation of its height [m].
         frequency_factor: natural frequency over the model's, of which heights by displacement
             are the square.
+        uncorrected: time since the last measurement that it uses [s]; NaN: unknown.
     """
 
     stamp_ns: int
     modal: Array
     stddev: float
     frequency_factor: float = 1.0
+    uncorrected: float = math.nan
 
 
 @dataclass(frozen=True, slots=True)

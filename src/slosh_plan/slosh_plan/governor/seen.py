@@ -37,7 +37,8 @@ class Witness:
 
     An observer sees the liquid if its state changes as the models' do when the container drives
     them: a camera that is frozen, mirrored, turned, late or of another scale does not. Where the
-    container hardly moves nothing is proven.
+    container hardly moves nothing is proven. Without measurements an observer is a model as the
+    governor's: its state changes alike whatever the liquid does, so that nothing is proven either.
 
     Args:
         scale: (MODELS,) frequency factors of the models.
@@ -75,6 +76,8 @@ class Witness:
             turn * gains * (row[0, :2] - 1j * row[0, 2:] / omega)
             for row in (own, scales[0] * liquid.modal)
         ]
+        if not liquid.uncorrected <= self._wave:
+            self._forget()
         self._compare(Look(t, distance, *slow), liquid.stddev)
         return distance
 
@@ -83,8 +86,7 @@ class Witness:
         looks = self._looks
         before = looks[-1].t if looks else look.t
         if not 0.0 <= look.t - before < self._wave:
-            looks.clear()
-            self._driven = self._missed = self._watched = 0.0
+            self._forget()
         looks.append(look)
         while len(looks) > 1 and looks[1].t <= look.t - self._wave:
             looks.popleft()
@@ -97,6 +99,11 @@ class Witness:
         self._missed = left * self._missed + step * float((np.abs(seen - own) ** 2).sum())
         self._watched = left * self._watched + step
         self._least = max(TUNING.governor_driven * self._limit, 4.0 * stddev)
+
+    def _forget(self) -> None:
+        """Forgets the evidence."""
+        self._looks.clear()
+        self._driven = self._missed = self._watched = 0.0
 
     @property
     def highest(self) -> float:
