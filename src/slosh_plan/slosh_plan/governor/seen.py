@@ -31,6 +31,12 @@ class Look(NamedTuple):
     own: Array
     seen: Array
 
+    @property
+    def apart(self) -> Array:
+        """Slow amplitude (2,) by which they differ [m]."""
+        found: Array = self.seen - self.own
+        return found
+
 
 class Witness:
     """Tells how far observed states are from the models, and whether the observer sees the liquid.
@@ -82,21 +88,29 @@ class Witness:
         return distance
 
     def _compare(self, look: Look, stddev: float) -> None:
-        """Adds to the evidence how both have changed within a period of the wave."""
+        """Adds to the evidence how the models have changed in a period, and how differently both.
+
+        Measurements of a motion come later than it, and an observer follows them gradually: until
+        then it tells what its own model does. So the difference is taken some periods later, too.
+        """
         looks = self._looks
         before = looks[-1].t if looks else look.t
         if not 0.0 <= look.t - before < self._wave:
             self._forget()
         looks.append(look)
-        while len(looks) > 1 and looks[1].t <= look.t - self._wave:
+        later = TUNING.governor_answered * self._wave
+        while len(looks) > 1 and looks[1].t <= look.t - later - self._wave:
             looks.popleft()
-        if looks[0].t > look.t - self._wave:
+        if looks[0].t > look.t - later - self._wave:
             return
+        moved = next(one for one in reversed(looks) if one.t <= look.t - later)
         step = look.t - before
         left = math.exp(-step / (TUNING.governor_memory * self._wave))
-        own, seen = look.own - looks[0].own, look.seen - looks[0].seen
-        self._driven = left * self._driven + step * float((np.abs(own) ** 2).sum())
-        self._missed = left * self._missed + step * float((np.abs(seen - own) ** 2).sum())
+        first = looks[0]
+        driven = float((np.abs(moved.own - first.own) ** 2).sum())
+        missed = max(float((np.abs(one.apart - first.apart) ** 2).sum()) for one in (moved, look))
+        self._driven = left * self._driven + step * driven
+        self._missed = left * self._missed + step * missed
         self._watched = left * self._watched + step
         self._least = max(TUNING.governor_driven * self._limit, 4.0 * stddev)
 
