@@ -9,6 +9,7 @@ import pytest
 from slosh_model import Cylinder, Model, Simulator
 from slosh_model.constants import GRAVITY
 from slosh_model.tray import Tray, TrayContainer
+from slosh_plan.errors import SloshPlanError
 from slosh_plan.governor import Command, Governor, ModelDoubt, SeenLiquid
 from slosh_plan.governor.cups import cups_of, reserve_of, steps_of, table_of
 from slosh_plan.governor.layout import PARTS_OF_ROW
@@ -65,6 +66,12 @@ def test_heights_of_high_modes_are_kept_at_a_low_rate(radius, modes):
             highest = max(highest, abs(liquid.step(0.001, *row.tolist())[0]))
         before = np.array(moved.acceleration)
     assert 0.3 * limit < highest <= limit
+
+
+def test_a_frequency_error_between_whose_models_a_liquid_may_resonate_is_refused():
+    assert ModelDoubt(0.1).frequency == 0.1
+    with pytest.raises(SloshPlanError, match=r"frequency error = 0.11 must lie in 0 … 0.1"):
+        ModelDoubt(0.11)
 
 
 def test_a_governor_that_starts_is_not_safe_until_the_largest_wave_has_decayed():

@@ -11,6 +11,10 @@ from slosh_base.types import Array
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.governor.layout import LIGHT
 
+MOST_FREQUENCY = 0.1
+"""Largest error of a frequency. The models' frequencies are too far apart above: a liquid between
+two of them resonates with a motion that both do without."""
+
 
 class GovernorState(IntEnum):
     """Whether the governor follows, limits or stops the motion; values of GovernedMotion.msg."""
@@ -92,8 +96,10 @@ class ModelDoubt:
     damping: float = 2.0
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.frequency <= 0.3:
-            raise SloshPlanError(f"frequency error = {self.frequency!r} must lie in 0 … 0.3")
+        if not 0.0 <= self.frequency <= MOST_FREQUENCY:
+            raise SloshPlanError(
+                f"frequency error = {self.frequency!r} must lie in 0 … {MOST_FREQUENCY:g}"
+            )
         if not 1.0 <= self.damping <= 10.0:
             raise SloshPlanError(f"damping factor = {self.damping!r} must lie in 1 … 10")
 
