@@ -107,7 +107,8 @@ class WatchedLiquid:
         while self._images and self._images[0][0] <= t:
             self._observer.take(self._images.popleft()[1])
         felt = self._gain * acceleration + ACCELERATION * self._rng.normal(size=3)
-        state = self._observer.follow(Sample(now_ns, *felt.tolist(), restarted=self._first))
+        ax, ay, az = felt.tolist()
+        state = self._observer.follow(Sample(now_ns, ax, ay, az, restarted=self._first))
         self._first = False
         if state is not None and state.trusted:
             modal = np.array(state.modal).reshape(-1, 4)
