@@ -350,7 +350,7 @@ class Stream:
         if self._kind == SMALL:
             back = (rng.random() < 0.3 * jitter) * rng.uniform(0.05, 0.85) * left_out
             self._clock -= round(back * self._period * SECOND)
-            return self._period * (1.0 + (rng.random() < 0.1 * late**3) * rng.random())
+            return float(self._period * (1.0 + (rng.random() < 0.1 * late**3) * rng.random()))
         if self._kind != UNEVEN:
             return self._period
         delay = rng.uniform(0.0, 8.0) if rng.random() < 0.05 * late else 0.0
