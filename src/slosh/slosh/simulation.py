@@ -172,7 +172,7 @@ def plan(
         kinds = "places as an (N, 3) array, a pandas table or the path of a table of waypoints"
         with as_file(path, "path", kinds) as file:
             waypoints = read_path_table(file)
-    way = path_through(waypoints.position)
+    way = path_through(waypoints.position, times=waypoints.t)
     _warn("path", path_doubts(waypoints))
     return plan_path(used, way, limits, attitude=waypoints.attitude)
 

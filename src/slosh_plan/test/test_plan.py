@@ -19,7 +19,8 @@ from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import NoSafeMotionError, demanded, plan
 from slosh_plan.planning.progress import Watch
-from slosh_plan.planning.search import OptimalSearch, SearchedLaw
+from slosh_plan.planning.search import OptimalSearch
+from slosh_plan.planning.searched_law import SearchedLaw
 from slosh_plan.tuning import TUNING
 
 CUP = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
@@ -139,6 +140,8 @@ def test_a_search_that_cannot_be_repeated_is_repeated_from_a_slower_start(monkey
     solve, begun = optimise.PathSearch.solve, []
 
     def second_fails(self, limits, guess, *given):
+        if not self.layout.liquids:
+            return solve(self, limits, guess, *given)
         begun.append(sum(leg.duration for leg in guess))
         if len(begun) > 1:
             return replace(solve(self, limits, guess, *given), converged=len(begun) > 2)

@@ -175,7 +175,7 @@ def known_laws(path: Path, limits: PlanLimits | None = None) -> dict[str, KnownL
         return found
     for words, pace in paces.items():
         legs = tuple(PacedLeg(leg, pace) for leg in path.legs)
-        least = [_least(_alone(path, leg).motion, limits) for leg in legs]
+        least = [shortest(_alone(path, leg).motion, limits) for leg in legs]
         shares = tuple(time / sum(least) for time in least)
         found |= {
             f"{name}{words}, legs by their limits": KnownLaw(path, unit, legs, shares)
@@ -242,33 +242,60 @@ def fastest(
         longest: duration that is not reached [s].
         stopped: whether to end without an answer.
     """
-    durations = _durations(_least(make, limits), longest)
+    least, before = shortest(make, limits), 0.0
+    durations = _durations(least, longest)
     while some := list(islice(durations, _TOGETHER)):
-        coarse = [
-            make(duration, duration / math.ceil(duration / TUNING.coarse)) for duration in some
-        ]
-        for duration, glance in zip(some, check.glance(coarse), strict=True):
-            if not glance.keeps(limits, TUNING.nearly):
-                continue
-            if stopped():
-                return None
-            (found,) = check([make(duration, STEP)])
-            if found.keeps(limits):
-                return found
+        found = _first_kept(check, make, limits, some, stopped)
+        if found is not None:
+            # What lies between it and the one before.
+            duration = found.motion.duration
+            before = max((one for one in some if one < duration), default=before)
+            between = _between(before or least, duration)
+            return _first_kept(check, make, limits, between, stopped) or found
         if stopped():
             return None
+        before = some[-1]
+    return None
+
+
+def _first_kept(
+    check: Check,
+    make: Make,
+    limits: PlanLimits,
+    durations: Sequence[float],
+    stopped: Callable[[], bool],
+) -> CheckedMotion | None:
+    """Returns the first motion that keeps the limits; None if none does, or it was stopped."""
+    coarse = [make(one, one / math.ceil(one / TUNING.coarse)) for one in durations]
+    for duration, glance in zip(durations, check.glance(coarse), strict=True):
+        if not glance.keeps(limits, TUNING.nearly):
+            continue
+        if stopped():
+            return None
+        (found,) = check([make(duration, STEP)])
+        if found.keeps(limits):
+            return found
     return None
 
 
 def _durations(least: float, longest: float) -> Iterator[float]:
-    duration = whole_rows(least)
-    while duration < longest:
+    """Yields rising durations [s], the last one just below the longest."""
+    duration, last = whole_rows(least), STEP * round(longest / STEP - 1.0)
+    while duration < last:
         yield duration
         ratio = TUNING.law_ratio if duration < TUNING.long else TUNING.long_ratio
         duration = whole_rows(max(ratio * duration, duration + STEP))
+    if whole_rows(least) <= last < longest:
+        yield last
 
 
-def _least(make: Make, limits: PlanLimits) -> float:
+def _between(shorter: float, longer: float) -> list[float]:
+    """Returns durations between two [s], whole rows each."""
+    rows = np.arange(math.floor(shorter / STEP + 1e-6) + 1, round(longer / STEP))
+    return (STEP * rows[:: -(-len(rows) // _TOGETHER) or 1]).tolist()
+
+
+def shortest(make: Make, limits: PlanLimits) -> float:
     """Returns the shortest duration [s] that the limits of speed, acceleration and jerk allow."""
     trial = 4.0
     motion = make(trial, STEP)

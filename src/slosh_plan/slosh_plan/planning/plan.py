@@ -9,7 +9,8 @@ the search goes on, until the simulation keeps all of them.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,11 +21,14 @@ from slosh_model.for_notebooks import Shown, height_axes, table
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning import optimise
 from slosh_plan.planning.checked import CheckedMotion, Checker, LooseContainer, attitudes, horizon
-from slosh_plan.planning.known_laws import LONGEST, Check, Scaled, best_scaled, known_laws
+from slosh_plan.planning.final_check import Kept, broken
+from slosh_plan.planning.given_law import all_laws
+from slosh_plan.planning.known_laws import LONGEST, Check, Scaled, TimeLaw, best_scaled
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import StoppedError, Watch
-from slosh_plan.planning.search import Found, Legs, OptimalSearch
+from slosh_plan.planning.search import Found, OptimalSearch
+from slosh_plan.planning.searched_law import Legs
 from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.prediction import ModelError, Prediction, predict
 from slosh_plan.trajectory import Trajectory
@@ -66,6 +70,7 @@ class Plan(Shown):
         attitude: (4,) that the container keeps; None: not turned.
         distance_to_rim: vertical, left by the highest place of the surface [m]; NaN: unknown.
         legs: the search's result, from which another search may start; empty: there is none.
+        laws: that were tried, and what searches found, which need not keep the limits.
     """
 
     found: CheckedMotion
@@ -81,6 +86,7 @@ class Plan(Shown):
     attitude: Array | None = None
     distance_to_rim: float = math.nan
     legs: Legs = ()
+    laws: Mapping[str, TimeLaw] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         found = self.found
@@ -129,6 +135,7 @@ def plan(
     time_limit: float = TIME_LIMIT,
     watch: Watch | None = None,
     loose: LooseContainer | None = None,
+    laws: Mapping[str, TimeLaw] | None = None,
 ) -> Plan:
     """Plans the fastest rest-to-rest motion along a path within limits, for liquid at rest.
 
@@ -145,6 +152,7 @@ def plan(
         time_limit: after which the search ends with what it has [s].
         watch: is told how far the plan has come, and ends it with what it has; None: nobody does.
         loose: how the container stands on a tray; None: it is held.
+        laws: that are tried beside the search, as `all_laws` gives them; None: these.
 
     Raises:
         NoSafeMotionError: no known law keeps the limits, however slow.
@@ -154,19 +162,39 @@ def plan(
     watch = watch or Watch()
     limits = limits.under_rim(model)
     check, kept, nominal, yaw = demanded(model, path, limits, attitude, margin, error, loose)
-    scaled = fastest_law(check, path, kept, watch)
+    watch.enter("known laws")
+    if laws is None:
+        laws = all_laws(path, kept, time_limit - watch.elapsed, watch.stopped)
+    scaled = fastest_law(check, laws, kept, watch)
     found = Found(scaled.found, words=HOW_TO_GET)
     if optimise.available():
         search = OptimalSearch(check, path, kept, nominal, yaw, scaled, time_limit, watch)
-        found = search.run()
+        found, laws = search.run(), {**laws, **search.laws}
+    kept_by = [Kept(check.model, limits, loose)]
+    if words := _broken(found.motion, path, limits, attitude, kept_by):
+        found = Found(scaled.found, words=f"the searched motion was refused: {words}")
+        if words := _broken(found.motion, path, limits, attitude, kept_by):
+            raise NoSafeMotionError(f"the planned motion failed its last check: {words}")
     best = found.motion
     assert best is not None
     method = "optimal" if found.legs else found.law or scaled.law
     upper = (best.upper, best.residual_upper) if error else _upper(check, best.motion)
     return Plan(
         best, limits, margin, error, method, found.words, upper, scaled, path, watch.elapsed,
-        attitude, distance_to_rim(model, best), found.legs,
+        attitude, distance_to_rim(model, best), found.legs, laws,
     )  # fmt: skip
+
+
+def _broken(
+    found: CheckedMotion | None,
+    path: Path,
+    limits: PlanLimits,
+    attitude: Array | None,
+    containers: Sequence[Kept],
+) -> str:
+    """Describes what an answer does not keep; see `broken`."""
+    assert found is not None
+    return broken(found.motion, path, limits, attitude, containers)
 
 
 def demanded(
@@ -198,15 +226,16 @@ def distance_to_rim(model: Model, found: CheckedMotion) -> float:
     return float(model.container.wall.place(found.peak).distance_to_rim)
 
 
-def fastest_law(check: Check, path: Path, limits: PlanLimits, watch: Watch) -> Scaled:
-    """Returns the fastest standard time law that keeps the limits.
+def fastest_law(
+    check: Check, laws: Mapping[str, TimeLaw], limits: PlanLimits, watch: Watch
+) -> Scaled:
+    """Returns the fastest of several time laws that keeps the limits.
 
     Raises:
         NoSafeMotionError: no known law keeps the limits, however slow.
         StoppedError: the watch ended the search before there was any.
     """
-    watch.enter("known laws")
-    scaled = best_scaled(check, limits, known_laws(path, limits), watch)
+    scaled = best_scaled(check, limits, laws, watch)
     if scaled is not None:
         return scaled
     if watch.stopped():
