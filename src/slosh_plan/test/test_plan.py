@@ -11,7 +11,6 @@ from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning import optimise
 from slosh_plan.planning.checked import Checker, checked
 from slosh_plan.planning.known_laws import (
-    UNIT_LAWS,
     best_scaled,
     known_laws,
 )
@@ -21,6 +20,7 @@ from slosh_plan.planning.plan import NoSafeMotionError, demanded, plan
 from slosh_plan.planning.progress import Watch
 from slosh_plan.planning.search import OptimalSearch
 from slosh_plan.planning.searched_law import SearchedLaw
+from slosh_plan.planning.unit_laws import UNIT_LAWS
 from slosh_plan.tuning import TUNING
 
 CUP = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()

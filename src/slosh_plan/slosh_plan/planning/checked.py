@@ -10,18 +10,18 @@ from typing import NamedTuple
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_model import Inputs, Model, wall_heights
+from slosh_model import Inputs, Model
 from slosh_model.standing import Standing
 from slosh_model.standing_use import StandingUse, standing_use
 from slosh_model.tray import TrayContainer
-from slosh_plan.heights import first_period, highest, msh_of
+from slosh_plan.heights import first_period, highest, highest_of_each, msh_of
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.prediction import ModelError, principal_variants
 
 PERIODS = 8.0
 """Of the first mode that are looked at after a motion's end."""
-GLANCED = 2.0
+GLANCED = 1.0
 """The same for motions that are only looked at."""
 TOLERANCE = 1e-9
 LEFT = 1e-6
@@ -94,6 +94,11 @@ class CheckedMotion:
     def keeps(self, limits: PlanLimits, tolerance: float = TOLERANCE) -> bool:
         """Returns whether the motion keeps every limit within a relative tolerance."""
         return max(self.excess(limits).values()) <= tolerance
+
+
+def error_of(model: Model, error: ModelError | None) -> ModelError | None:
+    """Returns a model's measured error; 0 beside a covariance where it is not known."""
+    return ModelError() if error is None and model.covariance is not None else error
 
 
 def horizon(model: Model) -> float:
@@ -259,7 +264,7 @@ def heights_after(
         attitude: (4,) quaternion that the container keeps; None: upright.
     """
     inputs = _with_rest(motion, horizon(models[0]), attitude)
-    for model, heights in zip(models, wall_heights(models, inputs), strict=True):
+    for model, heights in zip(models, highest_of_each(models, inputs), strict=True):
         yield _finite(msh_of(model.container, heights))
 
 

@@ -20,7 +20,14 @@ from slosh_model import Model
 from slosh_model.for_notebooks import Shown, height_axes, table
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning import optimise
-from slosh_plan.planning.checked import CheckedMotion, Checker, LooseContainer, attitudes, horizon
+from slosh_plan.planning.checked import (
+    CheckedMotion,
+    Checker,
+    LooseContainer,
+    attitudes,
+    error_of,
+    horizon,
+)
 from slosh_plan.planning.final_check import Kept, broken
 from slosh_plan.planning.given_law import all_laws
 from slosh_plan.planning.known_laws import LONGEST, Check, Scaled, TimeLaw, best_scaled
@@ -29,8 +36,7 @@ from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import StoppedError, Watch
 from slosh_plan.planning.search import Found, OptimalSearch
 from slosh_plan.planning.searched_law import Legs
-from slosh_plan.planning.time_law import PlannedMotion
-from slosh_plan.prediction import ModelError, Prediction, predict
+from slosh_plan.prediction import ModelError, predict
 from slosh_plan.trajectory import Trajectory
 from slosh_plan.validity import validity_words
 
@@ -59,7 +65,7 @@ class Plan(Shown):
         limits: as asked for, and the container's rim where it is lower.
         margin: by which the heights were to stay below [m].
         error: of the model, for which more was kept: the upper ends of the heights' intervals keep
-            the limits; None: none was asked for.
+            the limits; None: nothing is known of it.
         method: 'optimal', or the name of the known or searched law that was slowed.
         reason: why there is no optimal law; empty: there is one.
         upper: upper ends of the intervals (95 %) of the peak and of the height after the end [m],
@@ -140,15 +146,15 @@ def plan(
     """Plans the fastest rest-to-rest motion along a path within limits, for liquid at rest.
 
     Args:
-        model: the model; the search knows its first mode, the check all of it. Where the
-            container may tilt, `gravity_tilt` is added if it is missing.
+        model: the model, whose NL twin is planned for; the search knows its first mode, the check
+            all of it. Where the container may tilt, `gravity_tilt` is added if it is missing.
         path: the path.
         limits: to keep; the container's rim is a limit of the height, too.
         attitude: (4,) quaternion x, y, z, w that the container keeps: upright; None: not turned.
         margin: by which the heights stay below their limits [m].
-        error: the model's measured error; with it the upper ends of the heights' intervals, as
-            `predict` tells them, keep the limits, also for the covariance of the model's
-            parameters where there is one. None: the heights themselves keep them.
+        error: the model's measured error; with it, or with a covariance of the model's
+            parameters, the upper ends of the heights' intervals keep the limits, as `predict`
+            tells them. None: it is not known.
         time_limit: after which the search ends with what it has [s].
         watch: is told how far the plan has come, and ends it with what it has; None: nobody does.
         loose: how the container stands on a tray; None: it is held.
@@ -161,6 +167,7 @@ def plan(
     """
     watch = watch or Watch()
     limits = limits.under_rim(model)
+    error = error_of(model, error)
     check, kept, nominal, yaw = demanded(model, path, limits, attitude, margin, error, loose)
     watch.enter("known laws")
     if laws is None:
@@ -178,7 +185,7 @@ def plan(
     best = found.motion
     assert best is not None
     method = "optimal" if found.legs else found.law or scaled.law
-    upper = (best.upper, best.residual_upper) if error else _upper(check, best.motion)
+    upper = (best.upper, best.residual_upper) if error else None
     return Plan(
         best, limits, margin, error, method, found.words, upper, scaled, path, watch.elapsed,
         attitude, distance_to_rim(model, best), found.legs, laws,
@@ -217,7 +224,7 @@ def demanded(
     """
     kept = limits.lowered(margin)
     nominal = _nominal(kept, error)
-    check = Checker(tilting(model, limits, path), attitude, error, (), loose)
+    check = Checker(model_for(model, limits, path), attitude, error, (), loose)
     return check, kept, nominal, upright_yaw(attitude)
 
 
@@ -247,8 +254,8 @@ def fastest_law(
     )
 
 
-def tilting(model: Model, limits: PlanLimits, path: Path) -> Model:
-    """Returns the model for planning, with gravity along the floor if the container may tilt.
+def model_for(model: Model, limits: PlanLimits, path: Path) -> Model:
+    """Returns the nonlinear model, as `predict` takes it, with gravity if the container may tilt.
 
     Raises:
         SloshPlanError: the joints determine the attitude, and yet the container may tilt.
@@ -258,6 +265,7 @@ def tilting(model: Model, limits: PlanLimits, path: Path) -> Model:
             "the joints determine how the container tilts: plan their path without a limit of "
             "the tilt"
         )
+    model = model.nonlinear()
     return model.with_gravity_tilt() if limits.tilt > 0.0 or path.tilts else model
 
 
@@ -270,30 +278,19 @@ def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:
     )
 
 
-def _upper(check: Checker, motion: PlannedMotion) -> tuple[float, float] | None:
-    """Returns the 95 % intervals' upper ends of peak and residual height [m]; None if unknown."""
-    if check.model.covariance is None:
-        return None
-    found = _predicted(check.model, motion, check.attitude)
-    return found.upper, found.residual_upper
-
-
-def remarks_of(model: Model, answer: Plan) -> list[str]:
+def plan_remarks(model: Model, answer: Plan) -> list[str]:
     """Returns what `predict` remarks on the motion of a plan.
 
     Args:
         model: for which it was planned.
         answer: the plan.
     """
-    found = _predicted(replace(model, covariance=None), answer.found.motion, answer.attitude)
-    return validity_words(found.flags, found.growth)
-
-
-def _predicted(model: Model, motion: PlannedMotion, attitude: Array | None) -> Prediction:
-    turned = attitudes(motion, attitude, len(motion.t))
+    motion = answer.found.motion
+    turned = attitudes(motion, answer.attitude, len(motion.t))
     trajectory = Trajectory(motion.t, motion.acceleration, turned, name="plan")
-    (found,) = predict(model, trajectory, horizon=horizon(model))
-    return found
+    bare = replace(model, covariance=None)
+    (found,) = predict(bare, trajectory, horizon=horizon(model))
+    return validity_words(found.flags, found.growth)
 
 
 def upright_yaw(attitude: Array | None) -> float:

@@ -16,6 +16,7 @@ from slosh_plan.planning.checked import (
     Checker,
     LooseContainer,
     attitudes,
+    error_of,
     horizon,
 )
 from slosh_plan.planning.final_check import Kept, broken
@@ -29,8 +30,9 @@ from slosh_plan.planning.plan import (
     NoSafeMotionError,
     Plan,
     distance_to_rim,
+    model_for,
     plan,
-    tilting,
+    plan_remarks,
 )
 from slosh_plan.planning.progress import Watch
 from slosh_plan.planning.robust import LikelyHeights, likely_use, plan_robust
@@ -40,6 +42,7 @@ from slosh_plan.prediction import ModelError, Prediction, check_start
 from slosh_plan.start import LiquidStates, state_of
 from slosh_plan.trajectory import Trajectory
 from slosh_plan.tray import TrayPrediction, check_present, limits_of, predict_tray
+from slosh_plan.validity import validity_words
 
 MOST = 8
 """Plans that are tried."""
@@ -170,9 +173,9 @@ class _Judge(NamedTuple):
             tuple(
                 (
                     Checker(
-                        tilting(each.placed, self.limits, path),
+                        model_for(each.placed, self.limits, path),
                         self.attitude,
-                        self.error,
+                        error_of(each.model, self.error),
                         loose=LooseContainer.of(each),
                     ),
                     limits_of(each, self.limits).under_rim(each.placed).lowered(self.margin),
@@ -187,7 +190,7 @@ def _broken(judge: _Judge, answer: Plan) -> str:
     limits = judge.limits
     containers = [
         Kept(
-            tilting(each.placed, limits, answer.path),
+            model_for(each.placed, limits, answer.path),
             limits_of(each, limits).under_rim(each.placed),
             LooseContainer.of(each),
         )
@@ -228,7 +231,8 @@ def _faster(judge: _Judge, tried: list[TrayPlan], best: TrayPlan | None) -> Tray
             plan_ = replace(
                 first.plan, found=own, limits=limits_of(one, judge.limits).under_rim(one.placed),
                 method=law.law, scaled=known, reason="it keeps all containers, and is faster",
-                upper=None, legs=(), distance_to_rim=distance_to_rim(one.placed, own),
+                upper=(own.upper, own.residual_upper) if first.plan.error else None, legs=(),
+                distance_to_rim=distance_to_rim(one.placed, own),
             )  # fmt: skip
             return TrayPlan(plan_, one, found)
         kept = replace(kept, height=kept.height / worst, residual=kept.residual / worst)
@@ -295,6 +299,20 @@ def plan_container(
         tray, limits, make, attitude=attitude, margin=margin,
         error=errors(tray.first.model.name), robust=robust,
     )  # fmt: skip
+
+
+def remarks_of(planned: TrayPlan, limits: PlanLimits) -> list[str]:
+    """Returns what `predict` remarks on the motion of a plan, of a tray with containers' names.
+
+    Args:
+        planned: the plan.
+        limits: that it was made with.
+    """
+    if planned.found is None:
+        model = model_for(planned.one.placed, limits, planned.plan.path)
+        return plan_remarks(model, planned.plan)
+    each = planned.found.containers.items()
+    return [f"{name}: {w}" for name, one in each for w in validity_words(one.flags, one.growth)]
 
 
 def check_states(tray: Tray, limits: PlanLimits, states: LiquidStates) -> None:

@@ -26,8 +26,8 @@ from slosh_plan.planning.plan import (
     demanded,
     distance_to_rim,
     fastest_law,
+    model_for,
     plan,
-    tilting,
 )
 from slosh_plan.planning.progress import Watch
 from slosh_plan.planning.region_search import (
@@ -100,7 +100,7 @@ def plan_robust(
         SloshPlanError: the model has no covariance, and as of `plan`.
     """
     watch = watch or Watch()
-    likely = likely_models(tilting(model, limits, path))
+    likely = likely_models(model_for(model, limits, path))
     bare, kept = replace(model, covariance=None), limits
     for one in (bare, *likely.models):
         # A fuller container has a nearer rim.
