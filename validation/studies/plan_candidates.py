@@ -31,6 +31,7 @@ from result_tables import fill
 
 from slosh_model import Cylinder, Model, Rectangle
 from slosh_model.tray import Tray, TrayContainer
+from slosh_plan import SloshPlanError
 from slosh_plan.joints import Arm
 from slosh_plan.planning.checked import AllContainers, Checker
 from slosh_plan.planning.given_law import all_laws
@@ -40,7 +41,7 @@ from slosh_plan.planning.known_laws import TimeLaw, leg_durations, shortest
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path as Route
 from slosh_plan.planning.path import path_through
-from slosh_plan.planning.plan import NoSafeMotionError, model_for
+from slosh_plan.planning.plan import model_for
 from slosh_plan.planning.plan_tray import plan_container
 from slosh_plan.planning.time_law import STEP, JerkLaw, PlannedMotion, motion_along, whole_rows
 from slosh_plan.tray import limits_of
@@ -146,10 +147,10 @@ def case_of(kind: str, seed: int) -> tuple[Tray, Route, PlanLimits]:
 
 def measured(kind: str, seed: int) -> Row | None:
     """Plans a case and looks for a faster law; None where no motion is safe."""
-    tray, route, limits = case_of(kind, seed)
     try:
+        tray, route, limits = case_of(kind, seed)
         answer = plan_container(tray, route, limits).plan
-    except NoSafeMotionError as error:
+    except SloshPlanError as error:
         print(kind, seed, error, flush=True)
         return None
     check = AllContainers(
