@@ -107,7 +107,7 @@ def _tilt(motion: PlannedMotion, limits: PlanLimits) -> Iterator[str]:
     lean = np.arctan2(np.linalg.norm(up[:, :2], axis=1), up[:, 2])
     if max(lean[0], lean[-1]) > UPRIGHT:
         yield "it does not begin and end upright"
-    rate = (turned[:-1].inv() * turned[1:]).magnitude() / STEP
+    rate = np.asarray((turned[:-1].inv() * turned[1:]).magnitude()) / STEP
     first, last = rate[0], rate[-1]
     if max(first, last) > AGREE * limits.tilt_rate + limits.tilt_acceleration * STEP:
         yield "it turns at its ends"

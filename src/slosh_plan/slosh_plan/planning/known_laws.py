@@ -255,7 +255,8 @@ def _durations(least: float, longest: float) -> Iterator[float]:
 def _between(shorter: float, longer: float) -> list[float]:
     """Returns durations between two [s], whole rows each."""
     rows = np.arange(math.floor(shorter / STEP + 1e-6) + 1, round(longer / STEP))
-    return (STEP * rows[:: -(-len(rows) // _TOGETHER) or 1]).tolist()
+    found: list[float] = (STEP * rows[:: -(-len(rows) // _TOGETHER) or 1]).tolist()
+    return found
 
 
 def shortest(make: Make, limits: PlanLimits) -> float:

@@ -184,7 +184,8 @@ def _given(times: list[Array], places: list[Array]) -> tuple[BSpline, ...]:
     Returns:
         one for each leg; none where the given motion does not run forwards from rest to rest.
     """
-    still = [(1, 0.0), (2, 0.0)]
+    still: Any = [(1, 0.0), (2, 0.0)]
+    ends: Any = (still, still)
     found = []
     for t, s in zip(times, places, strict=True):
         if not (np.isfinite(t).all() and (np.diff(t) > 0.0).all()):
@@ -193,7 +194,7 @@ def _given(times: list[Array], places: list[Array]) -> tuple[BSpline, ...]:
         while True:
             rows = np.searchsorted(at, np.linspace(0.0, at[-1], count)[1:-1])
             rows = np.unique(np.concatenate([[0], rows, [len(at) - 1]]))
-            law = make_interp_spline(at[rows], s[rows], k=DEGREE, bc_type=(still, still))
+            law = make_interp_spline(at[rows], s[rows], k=DEGREE, bc_type=ends)
             if len(rows) == len(at) or np.abs(law(at) - s).max() <= 0.5 * KEPT:
                 break
             count *= 2
