@@ -108,7 +108,7 @@ def asked_path(arguments: argparse.Namespace, model: Model, tell: Teller) -> Ask
         waypoints = read_path_table(arguments.path, table_options(arguments))
         name = str(arguments.path)
     tell.warn(name, path_doubts(waypoints))
-    return AskedPath(name, path_through(waypoints.position), waypoints)
+    return AskedPath(name, path_through(waypoints.position, times=waypoints.t), waypoints)
 
 
 def _of_joints(arguments: argparse.Namespace, model: Model, tell: Teller) -> AskedPath:
