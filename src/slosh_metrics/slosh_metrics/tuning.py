@@ -119,6 +119,7 @@ class MetricsTuning:
     twist_stretches: int = number(20, "1", "stretches in motion that are compared")
     twist_least: int = number(4, "1", "fewest stretches that show a wrong twist")
     twist_error: float = number(0.3, "1", "relative error of a wrong twist")
+    twist_slight: float = number(0.05, "1", "the same where the parent's axes fit better")
     twist_nothing: float = number(1e-4, "1", "part of a way that is none")
     # input_checks/table_checks.py
     unlikely: float = number(100.0, "m/s²", "acceleration that no robot with liquid has")

@@ -32,7 +32,7 @@ from slosh_estimator.rotation import Vector
 from slosh_estimator.sample import Sample
 from slosh_estimator.timed_pose import TimedPose
 from slosh_estimator.transform_poses import Transform, TransformPoses
-from slosh_estimator.velocity_input import Twist, VelocityInput
+from slosh_estimator.velocity_input import OdometryPoses, Twist, VelocityInput
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import find_type
 from slosh_msgs_py.node.guarded import GuardedNode
@@ -302,7 +302,7 @@ class InputSubscription:
         self._on_velocity(Twist(stamp, (vx, vy, vz), (wx, wy, wz), None, frame))
 
     def _on_velocity(self, twist: Twist) -> None:
-        assert isinstance(self.source, VelocityInput)
+        assert isinstance(self.source, VelocityInput | OdometryPoses)
         self._before(twist.stamp_ns)
         self._answer(twist.stamp_ns, *self.source.update_twist(twist, self._now()))
 

@@ -207,11 +207,12 @@ class TwistCheck:
 
     Attributes:
         found: whether the last stretches show a wrong twist.
-        raised: what was wrong at any time, with the remedy; None: nothing.
+        raised: what was wrong at any time, without a remedy; None: nothing.
+        pose_tells: whether it was shown that the pose is right where the twist is wrong.
     """
 
     def __init__(self) -> None:
-        self.found = False
+        self.found = self.pose_tells = False
         self.raised: Doubt | None = None
         self._last: tuple[int, Vector, Vector] | None = None  # stamp, velocity turned, as sent
         self._start: tuple[int, Vector] | None = None
@@ -245,33 +246,35 @@ class TwistCheck:
             self._start = stamp_ns, position
             self._turned = self._sent = _NOWHERE
 
-    def _doubt(self) -> Doubt | None:
-        """Returns what is wrong, with the remedy; None: nothing, or it is not known yet."""
-        bad = [row for row in self._stretches if row[2] > TUNING.twist_error * max(row[:2])]
+    def _doubt(self) -> tuple[Doubt, bool] | None:
+        """Returns what is wrong, and whether the pose is right; None: nothing is known."""
+        bad = [row for row in self._stretches if _is_bad(*row)]
         if len(bad) < TUNING.twist_least or 2 * len(bad) < len(self._stretches):
             return None
-        way, told, _, parents = (sum(column) for column in zip(*bad, strict=True))
-        remedy = "mend the driver, or use its transforms with the input tf"
+        way, told, error, parents = (sum(column) for column in zip(*bad, strict=True))
         if told < TUNING.twist_nothing * way:
-            return Doubt(
+            text = (
                 f"the twist of the odometry stays zero while its pose moves by {way:.2g} m: the "
-                f"driver does not fill it; {remedy}"
+                "driver does not fill it"
             )
+            return Doubt(text), True
         if way < TUNING.twist_nothing * told:
-            return Doubt(
+            text = (
                 f"the pose of the odometry stands while its twist moves by {told:.2g} m: the "
-                "attitude is not known; turns are not seen",
-                wrong=False,
+                "attitude is not known; turns are not seen"
             )
-        if parents < TUNING.twist_error * way:
-            return Doubt(
+            return Doubt(text, wrong=False), False
+        if parents < TUNING.twist_error * min(way, error):
+            text = (
                 "the twist of the odometry agrees with its pose in the axes of header.frame_id; "
-                f"it must have those of child_frame_id: {remedy}"
+                "it must have those of child_frame_id"
             )
-        return Doubt(
+            return Doubt(text), True
+        text = (
             f"the twist of the odometry moves by {told:.2g} m where its pose moves by {way:.2g} "
-            f"m: unit, axes or clock of one of them is wrong; {remedy}"
+            "m: unit, axes or clock of one of them is wrong"
         )
+        return Doubt(text), False
 
     def _compare(self, way: Vector) -> None:
         """Adds a stretch: way, told way, and their differences turned and as sent [m]."""
@@ -281,9 +284,25 @@ class TwistCheck:
         self._stretches.append(
             (moved, told, math.dist(way, self._turned), math.dist(way, self._sent))
         )
-        doubt = self._doubt()
-        self.found = doubt is not None and doubt.wrong
-        self.raised = doubt or self.raised
+        found = self._doubt()
+        self.found = found is not None and found[0].wrong
+        if found is not None:
+            self.raised, pose_tells = found
+            self.pose_tells |= pose_tells
+
+
+def _is_bad(way: float, told: float, turned: float, parents: float) -> bool:
+    """Returns whether a stretch shows a wrong twist.
+
+    Args:
+        way: of the pose [m].
+        told: way of the twist [m].
+        turned: their difference, of the twist in the moving frame's axes [m].
+        parents: the same of the twist in the parent's axes [m].
+    """
+    share = turned / max(way, told)
+    better = parents < TUNING.twist_error * turned
+    return share > TUNING.twist_error or (share > TUNING.twist_slight and better)
 
 
 def unstamped(stamped: int, total: int, topic: str) -> str:

@@ -21,24 +21,28 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.fixed_frames import FixedFrames
 from slosh_estimator.inputs import (
     ACCEL,
+    BY_POSE,
     JOINTS,
     MOUNTED,
+    ODOMETRY,
     POSE,
     POSED,
     InputSettings,
     WantedInput,
 )
 from slosh_estimator.joint_poses import JointPoses
+from slosh_estimator.mounting import rotated
 from slosh_estimator.placed_accel import PlacedAccel, PlacedAcceleration
 from slosh_estimator.timed_pose import TimedPose
 from slosh_estimator.transform_poses import Transform, TransformPoses
-from slosh_metrics.input_checks.message_checks import unstamped
+from slosh_metrics.input_checks.message_checks import TwistCheck, unstamped
 from slosh_msgs_py import topics
 from slosh_replay.recording.inputs import (
     PLACED_FIELDS,
     fields,
     recorded_inputs,
     stamps_of,
+    twist_of,
 )
 from slosh_replay.recording.settings import first
 from slosh_replay.recording.sources import Sources
@@ -162,7 +166,11 @@ class InputBlocks:
 
 
 def reading(
-    reader: BagReader, sources: Sources, given: InputSettings | WantedInput | None = None
+    reader: BagReader,
+    sources: Sources,
+    given: InputSettings | WantedInput | None = None,
+    *,
+    as_recorded: bool = False,
 ) -> InputSettings:
     """Returns the settings with which the input of a bag is read.
 
@@ -170,14 +178,41 @@ def reading(
         reader: of the bag.
         sources: its topics.
         given: how it is read, or in what other than by the recorded estimator; None: as by that.
+        as_recorded: whether an input that an estimator read is read as it did, though its messages
+            contradict themselves.
 
     Raises:
         SloshBagError: a recorded parameter is missing or cannot be.
     """
-    if isinstance(given, InputSettings):
-        return _mounted(reader, sources, given)
-    recorded = recorded_inputs(sources.starts, sources.facts)
-    return _mounted(reader, sources, recorded if given is None else given.over(recorded))
+    how = recorded_inputs(sources.starts, sources.facts) if given is None else given
+    if isinstance(how, WantedInput):
+        how = how.over(recorded_inputs(sources.starts, sources.facts))
+    how = _mounted(reader, sources, how)
+    if sources.kind == ODOMETRY and not (as_recorded and _was_read(sources)):
+        return _by_right_part(reader, sources, how)
+    return how
+
+
+def _was_read(sources: Sources) -> bool:
+    """Returns whether a recorded estimator read the input."""
+    started = first(sources.starts, "estimator")
+    return started is not None and started.parameters.get("input", sources.kind) == sources.kind
+
+
+def _by_right_part(reader: BagReader, sources: Sources, how: InputSettings) -> InputSettings:
+    """Returns the settings with the pose as input if the twist of the odometry is wrong."""
+    names, check = fields(ODOMETRY), TwistCheck()
+    for block in reader.blocks([sources.input]):
+        columns = reader.columns(block, names)
+        rows = np.column_stack([columns[name] for name in names[3:]]).tolist()
+        for stamp, row in zip(stamps_of(columns).tolist(), rows, strict=True):
+            twist = twist_of(stamp, row, "")
+            if twist.attitude is not None and twist.position is not None:
+                turned = rotated(twist.attitude, twist.linear)
+                check.take(stamp, twist.position, turned, twist.linear)
+        if check.pose_tells:
+            return how._replace(odometry=BY_POSE)
+    return how
 
 
 def _mounted(reader: BagReader, sources: Sources, how: InputSettings) -> InputSettings:
@@ -185,9 +220,7 @@ def _mounted(reader: BagReader, sources: Sources, how: InputSettings) -> InputSe
 
     A recorded estimator has told what it took from them for its own input.
     """
-    started = first(sources.starts, "estimator")
-    told = started is not None and started.parameters.get("input", sources.kind) == sources.kind
-    if sources.kind not in MOUNTED or told:
+    if sources.kind not in MOUNTED or _was_read(sources):
         return how
     fixed = FixedFrames()
     for message in _latched(reader, sources, topics.TF_STATIC):

@@ -118,7 +118,7 @@ def replay_bag(
     started = settings.first(sources.starts, "estimator")
     recorded = settings.model_of(started) if started else None
     used = model or recorded or _noted_model(path, sources.facts)
-    how = reading(reader, sources, given)
+    how = reading(reader, sources, given, as_recorded=True)
     plain = used
     if not _is_as_recorded(started, sources, model):
         used = _felt(path, sources, how, used)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -46,7 +46,7 @@ from slosh_replay.tables.table_bag import (
     WALL_POINT,
     table_times,
 )
-from slosh_tables.motion_table import MSH, MotionTable, eta_azimuths
+from slosh_tables.motion_table import MSH, MotionTable, Remark, eta_azimuths
 
 Stamps = NDArray[np.int64]
 
@@ -154,6 +154,8 @@ def read_bag_table(
         placed.eta,
     )
     told = [blocks.trouble()] if blocks.trouble() else []
+    remarks = [Remark(str(doubt), doubt.wrong) for doubt in collector.doubts]
+    table = replace(table, remarks=(*map(Remark, told), *remarks))
     notes = (*reader.warnings, *told, *collector.notes(), *placed.notes)
     return BagTable(table, origin, sources.input, surface, notes)
 
