@@ -344,12 +344,15 @@ def test_odometry_is_read_by_its_pose_where_the_twist_is_wrong(tmp_path, spoil, 
     assert main(["export", str(bag), "--motion", "-o", str(table)]) == 0
     assert f"{word}" in capsys.readouterr().err
     (remark,) = read_motion_table(table).remarks
-    assert word in remark.text and remark.text.endswith("its poses are used") and not remark.wrong
+    assert word in remark.text
+    assert remark.text.endswith("its poses are used")
+    assert not remark.wrong
     words = ["simulate", str(model), str(table), "-o", str(tmp_path / "heights.csv"), "--json"]
     assert main(words) == 0
     said = capsys.readouterr()
     assert json.loads(said.out)["peak"] == pytest.approx(truth(), rel=0.01)
-    assert f"note: {table}: the twist of the odometry" in said.err and word in said.err
+    assert f"note: {table}: the twist of the odometry" in said.err
+    assert word in said.err
     result = replay_bag(bag, parse_model(TEXT))
     assert any(word in line for line in result.warnings), result.warnings
     assert result.counters["samples_used"] > 0.97 * len(TIMES)
@@ -362,11 +365,38 @@ def test_what_a_bag_s_input_contradicts_is_told_of_its_table_too(tmp_path, capsy
     assert main(["export", str(bag), "--motion", "-o", str(table)]) == 0
     assert "unit, axes or clock" in capsys.readouterr().err
     assert main(["simulate", str(model), str(table), "-o", str(tmp_path / "h.csv")]) == 1
-    assert "warning" in (said := capsys.readouterr().err) and "unit, axes or clock" in said
+    assert "warning" in (said := capsys.readouterr().err)
+    assert "unit, axes or clock" in said
     assert main(["import", "table", str(table), "-o", str(tmp_path / "again")]) == 0
     assert "unit, axes or clock" in capsys.readouterr().err
     warnings = replay_bag(bag, parse_model(TEXT)).warnings
     assert any("unit, axes or clock" in line for line in warnings), warnings
+
+
+def counted(message: Any) -> None:
+    """Stamps a message by a count at a period that is a quarter too long."""
+    since = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec - BEGIN
+    stamp = BEGIN + since * 5 // 4
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+
+
+def stuck(message: Any) -> None:
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(BEGIN, 10**9)
+
+
+def test_stamps_that_do_not_run_as_the_log_times_are_named(tmp_path, capsys):
+    table, model = tmp_path / "motion.csv", tmp_path / "model.yaml"
+    model.write_text(TEXT)
+    bag = spoiled(tmp_path / "bag", counted)
+    assert main(["export", str(bag), "--motion", "-o", str(table)]) == 0
+    assert "counted at a rate that is not real" in capsys.readouterr().err
+    assert main(["simulate", str(model), str(table), "-o", str(tmp_path / "h.csv")]) == 1
+    assert "counted at a rate that is not real" in capsys.readouterr().err
+    warnings = replay_bag(bag, parse_model(TEXT)).warnings
+    assert any("counted at a rate that is not real" in line for line in warnings), warnings
+    bag = spoiled(tmp_path / "stuck", stuck)
+    assert main(["export", str(bag), "--motion", "-o", str(tmp_path / "no.csv")]) == 2
+    assert "have the same stamp" in capsys.readouterr().err
 
 
 def test_stamps_that_were_never_filled_are_refused(tmp_path, capsys):

@@ -63,10 +63,11 @@ VELOCITIES = (ODOMETRY, TWIST)
 WINDOWED = (*POSES, *VELOCITIES)
 """Kinds that are differentiated in a sliding window: their estimates come later than they do."""
 ADDED = f"the effect {TILT} is added to the model: the poses contain the container's tilt"
-_NOUNS = {
+NOUNS = {
     POSE: "poses", JOINTS: "joint states", TRANSFORMS: "transforms", ODOMETRY: "odometry messages",
-    TWIST: "velocities",
+    TWIST: "velocities", ACCEL: "accelerations", IMU: "imu messages",
 }  # fmt: skip
+"""Kinds of input and what comes, in the plural."""
 AnyInput = AccelInput | ImuInput | PoseInput
 PoseSource = JointPoses | TransformPoses | PlacedAccel
 
@@ -289,17 +290,17 @@ class InputSettings(NamedTuple):
             return AccelInput(self.gate, self.frames, mount, self.checks, apart=self.apart)
         if kind == ODOMETRY and self.odometry == BY_POSE:
             return OdometryPoses(
-                self.gate, self.pose_window, mount, self.checks, _NOUNS[kind], self.smoothing
+                self.gate, self.pose_window, mount, self.checks, NOUNS[kind], self.smoothing
             )
         if kind in VELOCITIES:
             return VelocityInput(
-                self.gate, self.pose_window, mount, self.frames, self.checks, _NOUNS[kind],
+                self.gate, self.pose_window, mount, self.frames, self.checks, NOUNS[kind],
                 self.smoothing,
             )  # fmt: skip
         world = None if old else self.frames[0]
         return PoseInput(
             self.gate, self.pose_window, mount, world, self.any_world or kind != POSE,
-            self.checks, _NOUNS[kind], self.smoothing, self.base,
+            self.checks, NOUNS[kind], self.smoothing, self.base,
         )  # fmt: skip
 
 

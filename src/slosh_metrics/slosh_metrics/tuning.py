@@ -111,6 +111,7 @@ class MetricsTuning:
     stair_runs: int = number(6, "1", "successive stairs that are looked at")
     stair_ns: int = number(15_000_000, "ns", "longest stair that is no fault")
     stair_quanta: float = number(4.0, "1", "step of a stair over the least step")
+    stair_share: float = number(0.01, "1", "least step of a stair but one, part of the way")
     stair_way: float = number(5e-3, "m", "least way from the first to the last stair")
     stair_speed: float = number(0.05, "m/s", "the same of velocities")
     twist_ns: int = number(SECOND // 10, "ns", "time over which a twist is integrated")
@@ -121,6 +122,13 @@ class MetricsTuning:
     twist_error: float = number(0.3, "1", "relative error of a wrong twist")
     twist_slight: float = number(0.05, "1", "the same where the parent's axes fit better")
     twist_nothing: float = number(1e-4, "1", "part of a way that is none")
+    # input_checks/stamp_checks.py
+    clock_messages: int = number(20, "1", "fewest messages whose stamps are compared")
+    clock_span: float = number(1.0, "s", "shortest recording whose stamps are compared")
+    clock_rate: float = number(0.02, "1", "relative error of the stamps' rate that is no fault")
+    clock_growth: float = number(0.04, "s", "growth of the clocks' offset that is no fault")
+    clock_step: float = number(0.01, "s", "step of the stamps that is no fault")
+    clock_beside: float = number(0.3, "s", "time beside a step over which it must stay")
     # input_checks/table_checks.py
     unlikely: float = number(100.0, "m/s²", "acceleration that no robot with liquid has")
     shortest_table: float = number(1.0, "s", "shortest motion whose mean is checked")

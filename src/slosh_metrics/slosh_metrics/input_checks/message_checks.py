@@ -93,9 +93,14 @@ class ToAndFro:
         self.found = False
         self.raised: Doubt | None = None
         self._noun = noun
-        self._steps: deque[Vector] = deque([_NOWHERE], maxlen=TUNING.fro_window)
-        self._backs: deque[float] = deque(maxlen=TUNING.fro_window)
+        # Of the last changes: where they began, those that led back, and those larger than all
+        # later ones, whose first is the largest.
+        self._places: deque[Vector] = deque(maxlen=TUNING.fro_window)
+        self._backs: deque[tuple[int, float]] = deque()
+        self._largest: deque[tuple[int, float]] = deque()
+        self._count = 0
         self._last: Vector | None = None
+        self._step = _NOWHERE
         self._turned = False  # whether the last step led back
         self._size = self._before = 0.0  # of the last two steps
         self._noise = self._finest = math.inf
@@ -106,23 +111,35 @@ class ToAndFro:
         last, self._last = self._last, position
         if last is None:
             return
-        step = position[0] - last[0], position[1] - last[1], position[2] - last[2]
-        size = math.hypot(*step)
-        turns = sum(a * b for a, b in zip(step, self._steps[-1], strict=True)) < 0.0
-        lone = turns and self._turned
-        self._backs.append(min(self._size, max(size, self._before)) if lone else 0.0)
+        dx, dy, dz = position[0] - last[0], position[1] - last[1], position[2] - last[2]
+        size, (bx, by, bz) = math.hypot(dx, dy, dz), self._step
+        turns = dx * bx + dy * by + dz * bz < 0.0
+        number = self._count = self._count + 1
+        if turns and self._turned:
+            back = min(self._size, max(size, self._before))
+            if back > TUNING.fro_least:
+                self._backs.append((number, back))
         self._turned, self._before, self._size = turns, self._size, size
-        self._steps.append(step)
+        self._step = dx, dy, dz
+        self._places.append(last)
+        largest = self._largest
+        while largest and largest[-1][1] <= size:
+            largest.pop()
+        largest.append((number, size))
         if 0.0 < size < self._finest:
             self._finest = size  # rounded positions flicker by this
-        if len(self._steps) == TUNING.fro_window:
-            self._judge(math.hypot(*map(sum, zip(*self._steps, strict=True))))
+        if number >= TUNING.fro_window:
+            self._judge(number - TUNING.fro_window, math.dist(position, self._places[0]))
 
-    def _judge(self, way: float) -> None:
-        backs = [back for back in self._backs if back > TUNING.fro_least]
-        largest = max(math.hypot(*step) for step in self._steps)
-        if self._noise > largest:
-            self._noise = largest  # the least of any time: what a tracker at rest does
+    def _judge(self, before: int, way: float) -> None:
+        """Looks at the changes after the one with a number, which lead so far [m]."""
+        backs, largest = self._backs, self._largest
+        while backs and backs[0][0] <= before:
+            backs.popleft()
+        while largest[0][0] <= before:
+            largest.popleft()
+        if self._noise > largest[0][1]:
+            self._noise = largest[0][1]  # the least of any time: what a tracker at rest does
         if way < TUNING.fro_way:
             return
         if len(backs) < TUNING.fro_turns:
@@ -130,7 +147,7 @@ class ToAndFro:
             self.found = self.found and self._straight < TUNING.fro_over
             return
         self._straight = 0
-        mean = sum(backs) / len(backs)
+        mean = sum(back for _, back in backs) / len(backs)
         if (
             mean > TUNING.fro_noises * max(self._noise, self._finest)
             and way > TUNING.fro_leads * mean
@@ -181,9 +198,9 @@ class Stairs:
         held = sorted(run[1] for run in self._runs)[len(counts) // 2]
         typical = counts[len(counts) // 2]
         steps = [run[2] for run in self._runs]
-        if (
-            way <= self._least
-        ):  # a shake at a quarter of the rate has pairs, too, but leads nowhere
+        # A shake at a quarter of the rate has pairs, too, but leads nowhere. Rounding makes pairs
+        # of what rests, and the motion after it the way: each stair must be part of it.
+        if way <= self._least or sorted(steps)[1] < TUNING.stair_share * way:
             return
         regular = typical >= 2 and counts[0] >= typical - 1 and counts[-1] <= typical + 1
         coarse = sorted(steps)[len(steps) // 2] < TUNING.stair_quanta * self._finest

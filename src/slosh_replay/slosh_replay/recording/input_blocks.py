@@ -6,6 +6,7 @@ poses from here on.
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -24,6 +25,7 @@ from slosh_estimator.inputs import (
     BY_POSE,
     JOINTS,
     MOUNTED,
+    NOUNS,
     ODOMETRY,
     POSE,
     POSED,
@@ -36,6 +38,8 @@ from slosh_estimator.placed_accel import PlacedAccel, PlacedAcceleration
 from slosh_estimator.timed_pose import TimedPose
 from slosh_estimator.transform_poses import Transform, TransformPoses
 from slosh_metrics.input_checks.message_checks import TwistCheck, unstamped
+from slosh_metrics.input_checks.stamp_checks import stamp_doubts
+from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_msgs_py import topics
 from slosh_replay.recording.inputs import (
     PLACED_FIELDS,
@@ -71,7 +75,9 @@ class InputBlocks:
         self._columns = ColumnReader(reader.typestore_of)
         self._fields = fields(sources.kind)
         self._world = how.frames[0]
+        self._kind = sources.kind
         self._count = self._messages = self._stamped = 0
+        self._clocks: dict[object, tuple[array[int], array[int]]] = {}
         if sources.kind == JOINTS and not how.urdf:
             how = how._replace(urdf=_description(reader, sources))
         try:
@@ -99,8 +105,12 @@ class InputBlocks:
         """
         if self._poses is None:
             columns = self._columns.columns(blocks[0], self._fields)
-            self._stamped += int(np.count_nonzero(stamps_of(columns)))
-            self._messages += len(columns[_FRAME])
+            stamps = stamps_of(columns)
+            self._stamped += int(np.count_nonzero(stamps))
+            self._messages += len(stamps)
+            stamped, logged = self._clock_of("")
+            stamped.extend(stamps.tolist())
+            logged.extend(blocks[0].log_ns.tolist())
             return columns
         messages = [message for block in blocks for message in messages_of(block)]
         if len(blocks) > 1:  # in the order in which the node heard them
@@ -121,7 +131,23 @@ class InputBlocks:
             links = decoded.transforms if hasattr(decoded, "transforms") else (decoded,)
             self._stamped += any(stamp_ns(one) for one in links)
             self._messages += 1
+            for one in links:
+                stamped, logged = self._clock_of(_publisher_of(one))
+                stamped.append(stamp_ns(one))
+                logged.append(message.log_ns)
         return decoded
+
+    def _clock_of(self, publisher: object) -> tuple[array[int], array[int]]:
+        """Returns the stamps and log times [ns] of one publisher's messages so far."""
+        return self._clocks.setdefault(publisher, (array("q"), array("q")))
+
+    def doubts(self) -> list[InputDoubt]:
+        """Returns, after all messages, what their stamps show beside the log times."""
+        noun, found = NOUNS[self._kind], dict[str, InputDoubt]()
+        for stamped, logged in self._clocks.values():
+            stamps, logs = (np.frombuffer(each, np.int64) for each in (stamped, logged))
+            found |= {str(doubt): doubt for doubt in stamp_doubts(stamps, logs, noun)}
+        return list(found.values())
 
     def _placed(self, poses: PlacedAccel, message: Any) -> list[PlacedAcceleration]:
         """Returns the container accelerations [m/s²] that become computable with a new message."""
@@ -232,6 +258,13 @@ def _mounted(reader: BagReader, sources: Sources, how: InputSettings) -> InputSe
     moving = sources.topics.topic("tf", _row(topics.TF).type) is not None
     found = how.mounted(sources.kind, frame, fixed, moving=moving)
     return how.with_mounting(found) if found else how
+
+
+def _publisher_of(message: Any) -> object:
+    """Returns what tells the publisher of a joint state or a transform from others on its topic."""
+    if hasattr(message, "child_frame_id"):
+        return message.child_frame_id
+    return tuple(message.name) if hasattr(message, "name") else ""
 
 
 def _pose_columns(poses: list[TimedPose], frame: str) -> dict[str, NDArray[Any]]:

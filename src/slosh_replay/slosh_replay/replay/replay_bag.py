@@ -181,6 +181,7 @@ def replay_bag(
         *_attitude_warnings(path, sources, used, how),
         *input_reader.ignored_tilt(plain, used),
         blocks.trouble(),
+        *(() if TABLE_COLUMNS in sources.facts else blocks.doubts()),
         *sorted(lacking),
     ]
     if several > 1:

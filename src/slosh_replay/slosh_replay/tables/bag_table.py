@@ -139,7 +139,8 @@ def read_bag_table(
                 take(reader.columns(block, names) if names else _decoded(reader, block))
             progress(len(block))
     blocks.check()
-    motion = collector.motion(path, sources.input)
+    clocks = () if TABLE_COLUMNS in facts else tuple(blocks.doubts())
+    motion = collector.motion(path, sources.input, clocks)
     if sources.kind == "accel" and collector.in_world and not how.placed:
         motion = beside.added_to(motion)
     motion, placed = heights.placed(motion, how.gate.max_gap)
@@ -154,9 +155,9 @@ def read_bag_table(
         placed.eta,
     )
     told = [blocks.trouble()] if blocks.trouble() else []
-    remarks = [Remark(str(doubt), doubt.wrong) for doubt in collector.doubts]
+    remarks = [Remark(str(doubt), doubt.wrong) for doubt in (*clocks, *collector.doubts)]
     table = replace(table, remarks=(*map(Remark, told), *remarks))
-    notes = (*reader.warnings, *told, *collector.notes(), *placed.notes)
+    notes = (*reader.warnings, *told, *clocks, *collector.notes(), *placed.notes)
     return BagTable(table, origin, sources.input, surface, notes)
 
 
