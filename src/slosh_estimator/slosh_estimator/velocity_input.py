@@ -27,7 +27,7 @@ from slosh_estimator.rotation import Vector
 from slosh_estimator.sample import SECONDS_PER_NS, Sample
 from slosh_estimator.tuning import TUNING
 from slosh_metrics.input_checks.constant_meaning import Doubt
-from slosh_metrics.input_checks.message_checks import TwistCheck
+from slosh_metrics.input_checks.message_checks import Dropouts, TwistCheck
 from slosh_metrics.tuning import TUNING as CHECKS
 
 _NOWHERE: Vector = (0.0, 0.0, 0.0)
@@ -89,7 +89,8 @@ class VelocityInput(PoseInput):
         turn = sensor_from_container(mount)
         self._held = rotated(turn, mount.to_origin), turn  # where the container stands in it
         self._world = frames[0]
-        self._twists = TwistCheck()
+        self._twists, self._dropouts = TwistCheck(), Dropouts(noun)
+        self._container, self._assumed = frames[1], ""
         self._yaw = self._rate = 0.0
         self._place, self._velocity = _NOWHERE, _NOWHERE
         self._last_ns = 0
@@ -104,6 +105,8 @@ class VelocityInput(PoseInput):
         stamp_ns, linear, angular, attitude, frame, position = twist
         sent = linear
         in_world = bool(frame) and frame.lstrip("/") == self._world
+        if attitude is None and not in_world and frame.lstrip("/") != self._container:
+            self._assumed = f"in the frame {frame!r}" if frame else "without a frame"
         turned = self._integrated(stamp_ns, angular[2]) if attitude is None else attitude
         if not in_world:
             linear, angular = rotated(turned, linear), rotated(turned, angular)
@@ -162,6 +165,7 @@ class VelocityInput(PoseInput):
     def _look(self, stamp_ns: int, position: Vector, quaternion: Quaternion) -> None:
         """Checks a velocity against those before it."""
         self._stairs.take(stamp_ns, position)
+        self._dropouts.take(stamp_ns, position)
 
     def _leaped(self, stamp_ns: int, values: tuple[float, ...]) -> bool:
         """Returns False: a leap of the velocity is no fault but a strong acceleration."""
@@ -172,7 +176,17 @@ class VelocityInput(PoseInput):
         doubt = self._twists.raised
         if doubt is not None and doubt.wrong:
             doubt = Doubt(f"{doubt.text}; {_REMEDY}")
-        return (*super().message_doubts(), *(() if doubt is None else (doubt,)))
+        found = (*super().message_doubts(), doubt, self._dropouts.raised)
+        return tuple(one for one in found if one is not None)
+
+    def remark(self) -> str | None:
+        """Returns a remark about assumed axes; None if they are known."""
+        if not self._assumed:
+            return None
+        return (
+            f"velocities {self._assumed} are assumed to have the axes of the moving frame; if they "
+            f"have the world's, set frame_id to {self._world!r}"
+        )
 
     @property
     def contradicted(self) -> bool:

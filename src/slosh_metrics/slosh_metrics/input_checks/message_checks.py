@@ -6,6 +6,7 @@ table alike, and costs some additions per message:
 - `Leap`: a pose that leaps away and back, as a driver sends zeros now and then. It is not used.
 - `ToAndFro`: two publishers on one topic, one of them late: single steps lead back although the
   motion leads on. A single publisher's do not, whatever its stamps say.
+- `Dropouts`: velocities that are zero now and then.
 - `Stairs`: values that are renewed at a lower rate than they are sent.
 - `TwistCheck`: a velocity that is not the change of the pose beside it.
 - `unstamped`: stamps that were never filled.
@@ -154,6 +155,44 @@ class ToAndFro:
         ):
             self.found = True
             self.raised = Doubt(f"successive {self._noun} go to and fro: {MIXED_INPUT}")
+
+
+class Dropouts:
+    """Finds velocities that are zero now and then, although the frame moves on.
+
+    A frame does not stop and go on within so few messages with such an acceleration.
+
+    Args:
+        noun: what comes, in the plural.
+    """
+
+    def __init__(self, noun: str) -> None:
+        self._noun, self._count, self._zeros = noun, 0, 0
+        self._speed, self._stamp_ns = 0.0, 0
+
+    def take(self, stamp_ns: int, velocity: Vector) -> None:
+        """Adds a velocity [m/s] with its stamp [ns]."""
+        speed = math.hypot(*velocity)
+        if speed == 0.0:
+            self._zeros += 1
+            return
+        seconds = (stamp_ns - self._stamp_ns) * 1e-9
+        slower = min(speed, self._speed)
+        if 0 < self._zeros <= TUNING.drop_most and (
+            2.0 * slower > max(TUNING.drop_acceleration * seconds, TUNING.drop_speed)
+        ):
+            self._count += self._zeros
+        self._zeros, self._speed, self._stamp_ns = 0, speed, stamp_ns
+
+    @property
+    def raised(self) -> Doubt | None:
+        """What was wrong at any time, with the remedy; None: nothing."""
+        if not self._count:
+            return None
+        return Doubt(
+            f"{self._count} of the {self._noun} are zero between others that are not: the driver "
+            "sends zeros now and then, which are jolts; mend it"
+        )
 
 
 class Stairs:

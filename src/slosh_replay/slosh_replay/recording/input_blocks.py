@@ -261,7 +261,7 @@ def _mounted(reader: BagReader, sources: Sources, how: InputSettings) -> InputSe
 
 
 def _publisher_of(message: Any) -> object:
-    """Returns what tells the publisher of a joint state or a transform from others on its topic."""
+    """Returns what tells the publisher of a message from others on its topic."""
     if hasattr(message, "child_frame_id"):
         return message.child_frame_id
     return tuple(message.name) if hasattr(message, "name") else ""
