@@ -184,8 +184,8 @@ class VelocityInput(PoseInput):
         if not self._assumed:
             return None
         return (
-            f"velocities {self._assumed} are assumed to have the axes of the moving frame; if they "
-            f"have the world's, set frame_id to {self._world!r}"
+            f"velocities {self._assumed} are assumed to have the axes of the moving frame; if "
+            f"they have the world's, set frame_id to {self._world!r}"
         )
 
     @property

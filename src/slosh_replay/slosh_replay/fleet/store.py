@@ -2,8 +2,8 @@
 
 STORE/cell=line_1/month=2026-11/<begin>-<end>-<digest>.parquet holds motions of one bag. The name
 has the first and last begin of its motions [ns] and the digest of its rows: the same bag gives the
-same file, and is stored once. A file appears as a whole. The file of a bag that was cut off gives way to
-that of the whole one.
+same file, and is stored once. A file appears as a whole. The file of a bag that was cut off gives
+way to that of the whole one.
 STORE/_ingested/<digest> holds the number of motions of a bag that needs no second reading. Readers
 such as pandas pass over names that begin so.
 """

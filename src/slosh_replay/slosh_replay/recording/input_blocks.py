@@ -147,7 +147,8 @@ class InputBlocks:
         for stamped, logged in self._clocks.values():
             stamps, logs = (np.frombuffer(each, np.int64) for each in (stamped, logged))
             found |= {str(doubt): doubt for doubt in stamp_doubts(stamps, logs, noun)}
-        return list(found.values())
+        told = self._poses.velocities.remark() if isinstance(self._poses, JointPoses) else ""
+        return [*found.values(), *([InputDoubt(told, wrong=False)] if told else [])]
 
     def _placed(self, poses: PlacedAccel, message: Any) -> list[PlacedAcceleration]:
         """Returns the container accelerations [m/s²] that become computable with a new message."""

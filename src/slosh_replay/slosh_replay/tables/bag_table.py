@@ -156,7 +156,7 @@ def read_bag_table(
     )
     told = [blocks.trouble()] if blocks.trouble() else []
     remarks = [Remark(str(doubt), doubt.wrong) for doubt in (*clocks, *collector.doubts)]
-    table = replace(table, remarks=(*map(Remark, told), *remarks))
+    table = replace(table, remarks=(*(Remark(line, wrong=True) for line in told), *remarks))
     notes = (*reader.warnings, *told, *clocks, *collector.notes(), *placed.notes)
     return BagTable(table, origin, sources.input, surface, notes)
 
