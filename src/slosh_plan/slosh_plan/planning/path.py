@@ -25,6 +25,7 @@ from slosh_plan.planning.joint_demands import JointDemands
 from slosh_plan.planning.progress import StoppedError, never
 from slosh_plan.tuning import TUNING
 
+_FARTHEST = 1e6  # m, rad
 MOST_POINTS = 200_000
 KEPT = TUNING.kept
 DEGREE = TUNING.degree
@@ -147,11 +148,12 @@ def smooth_path(
         )
     if len(points) > MOST_POINTS:
         raise SloshPlanError(f"{len(points)} waypoints are more than {MOST_POINTS}: take fewer")
-    bad = np.argwhere(~np.isfinite(points))
+    bad = np.argwhere(~(np.abs(points) <= _FARTHEST))
     if len(bad):
         row, column = bad[0]
         raise SloshPlanError(
-            f"waypoint {row} has {names[column]} = {points[row, column]}: it must be finite"
+            f"waypoint {row} has {names[column]} = {points[row, column]}: it must be finite and "
+            f"at most {_FARTHEST:g}"
         )
     rows = _distinct(points)
     distinct = points[rows]
