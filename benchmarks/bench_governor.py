@@ -55,7 +55,7 @@ def step_times(load: Load, period: float, *, observed: bool) -> list[float]:
         if command is not None:
             governor.take(command)
         if observed and step * period > LATE and step % max(round(EVERY / period), 1) == 0:
-            governor.see(SeenLiquid(now - round(LATE * SECOND), still, NOISE))
+            governor.see(SeenLiquid(now - round(LATE * SECOND), still, NOISE, uncorrected=0.0))
         governor.step(now)
         found.append(time.thread_time() - begun)
     return found

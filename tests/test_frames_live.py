@@ -203,8 +203,9 @@ def test_an_accelerometer_beside_the_container(tmp_path: Path, domain: int) -> N
     check(found, tmp_path, share=0.05)
 
 
-def test_odometry(tmp_path: Path, domain: int) -> None:
-    with cell(tmp_path, domain, input="odometry") as robot:
+@pytest.mark.parametrize("part", ["twist", "pose"])
+def test_odometry(tmp_path: Path, domain: int, part: str) -> None:
+    with cell(tmp_path, domain, input="odometry", odometry=part) as robot:
 
         def made(t: float, stamp: Any) -> Any:
             message = Odometry()
@@ -213,9 +214,13 @@ def test_odometry(tmp_path: Path, domain: int) -> None:
             before, after = (cup_position(*swung(t + k * 1e-5)) for k in (-1, 1))
             vx, vy, _ = ((after - before) / 2e-5).tolist()
             c, s = float(np.cos(yaw[1])), float(np.sin(yaw[1]))
-            twist = message.twist.twist
-            twist.linear.x, twist.linear.y = c * vx + s * vy, c * vy - s * vx
-            twist.angular.z = (yaw[2] - yaw[0]) / 2e-5
+            if part == "twist":
+                twist = message.twist.twist
+                twist.linear.x, twist.linear.y = c * vx + s * vy, c * vy - s * vx
+                twist.angular.z = (yaw[2] - yaw[0]) / 2e-5
+            else:  # which is never filled
+                place = message.pose.pose.position
+                place.x, place.y, place.z = cup_position(*swung(t)).tolist()
             turn = message.pose.pose.orientation
             turn.z, turn.w = float(np.sin(yaw[1] / 2)), float(np.cos(yaw[1] / 2))
             return message

@@ -1,5 +1,6 @@
 """Tests replays of robots' bags without a cell: transforms, odometry, twists, joints."""
 
+import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -310,25 +311,92 @@ def unfilled(message: Any) -> None:
     message.twist.twist.linear.x = message.twist.twist.linear.y = 0.0
 
 
+def in_the_parent_s_axes(message: Any) -> None:
+    linear, turn = message.twist.twist.linear, message.pose.pose.orientation
+    x, y, _ = Rotation.from_quat([0.0, 0.0, turn.z, turn.w]).apply([linear.x, linear.y, 0.0])
+    linear.x, linear.y = float(x), float(y)
+
+
 def in_another_unit(message: Any) -> None:
     linear = message.twist.twist.linear
     linear.x, linear.y = 3.28 * linear.x, 3.28 * linear.y
 
 
-@pytest.mark.parametrize(
-    ("spoil", "word"), [(unfilled, "stays zero"), (in_another_unit, "unit, axes or clock")]
-)
-def test_a_twist_that_its_own_pose_contradicts_is_named(tmp_path, spoil, word, capsys):
+def spoiled(folder: Path, spoil: Callable[[Any], None]) -> Path:
+    """Writes a bag of odometry whose messages were changed."""
+
     def made(maker: Maker) -> Iterator[Message]:
         for entry in maker.odometry():
             spoil(entry[3])
             yield entry
 
-    bag, table = write(tmp_path / "bag", made), tmp_path / "motion.csv"
+    return write(folder, made)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "word"),
+    [(unfilled, "stays zero"), (in_the_parent_s_axes, "axes of header.frame_id")],
+)
+def test_odometry_is_read_by_its_pose_where_the_twist_is_wrong(tmp_path, spoil, word, capsys):
+    bag, table, model = (tmp_path / name for name in ("bag", "motion.csv", "model.yaml"))
+    model.write_text(TEXT)
+    spoiled(bag, spoil)
     assert main(["export", str(bag), "--motion", "-o", str(table)]) == 0
-    assert word in capsys.readouterr().err
+    assert f"{word}" in capsys.readouterr().err
+    (remark,) = read_motion_table(table).remarks
+    assert word in remark.text
+    assert remark.text.endswith("its poses are used")
+    assert not remark.wrong
+    words = ["simulate", str(model), str(table), "-o", str(tmp_path / "heights.csv"), "--json"]
+    assert main(words) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["peak"] == pytest.approx(truth(), rel=0.01)
+    assert f"note: {table}: the twist of the odometry" in said.err
+    assert word in said.err
+    result = replay_bag(bag, parse_model(TEXT))
+    assert any(word in line for line in result.warnings), result.warnings
+    assert result.counters["samples_used"] > 0.97 * len(TIMES)
+
+
+def test_what_a_bag_s_input_contradicts_is_told_of_its_table_too(tmp_path, capsys):
+    bag, table, model = (tmp_path / name for name in ("bag", "motion.csv", "model.yaml"))
+    model.write_text(TEXT)
+    spoiled(bag, in_another_unit)
+    assert main(["export", str(bag), "--motion", "-o", str(table)]) == 0
+    assert "unit, axes or clock" in capsys.readouterr().err
+    assert main(["simulate", str(model), str(table), "-o", str(tmp_path / "h.csv")]) == 1
+    assert "warning" in (said := capsys.readouterr().err)
+    assert "unit, axes or clock" in said
+    assert main(["import", "table", str(table), "-o", str(tmp_path / "again")]) == 0
+    assert "unit, axes or clock" in capsys.readouterr().err
     warnings = replay_bag(bag, parse_model(TEXT)).warnings
-    assert any(word in line for line in warnings), warnings
+    assert any("unit, axes or clock" in line for line in warnings), warnings
+
+
+def counted(message: Any) -> None:
+    """Stamps a message by a count at a period that is a quarter too long."""
+    since = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec - BEGIN
+    stamp = BEGIN + since * 5 // 4
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+
+
+def stuck(message: Any) -> None:
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(BEGIN, 10**9)
+
+
+def test_stamps_that_do_not_run_as_the_log_times_are_named(tmp_path, capsys):
+    table, model = tmp_path / "motion.csv", tmp_path / "model.yaml"
+    model.write_text(TEXT)
+    bag = spoiled(tmp_path / "bag", counted)
+    assert main(["export", str(bag), "--motion", "-o", str(table)]) == 0
+    assert "counted at a rate that is not real" in capsys.readouterr().err
+    assert main(["simulate", str(model), str(table), "-o", str(tmp_path / "h.csv")]) == 1
+    assert "counted at a rate that is not real" in capsys.readouterr().err
+    warnings = replay_bag(bag, parse_model(TEXT)).warnings
+    assert any("counted at a rate that is not real" in line for line in warnings), warnings
+    bag = spoiled(tmp_path / "stuck", stuck)
+    assert main(["export", str(bag), "--motion", "-o", str(tmp_path / "no.csv")]) == 2
+    assert "have the same stamp" in capsys.readouterr().err
 
 
 def test_stamps_that_were_never_filled_are_refused(tmp_path, capsys):

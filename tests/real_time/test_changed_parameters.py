@@ -12,12 +12,12 @@ from rclpy.parameter import Parameter
 from slosh_bringup.live.report import make_live_report
 from slosh_bringup.processes import NodeGroup, NodeProcess, config_folder, node_environment
 from slosh_estimator.limits import Source
-from slosh_msgs.msg import FreeSurface, LimitEvent, SloshEstimate
+from slosh_msgs.msg import FreeSurface, LimitEvent
 from slosh_msgs.srv import PredictSlosh
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds
 from slosh_replay.replay import replay_bag
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import HearingRobot
 
 RATE = 200
 IMAGE_EVERY = 4
@@ -30,28 +30,24 @@ READERS = {
 }
 
 
-class Cell(Graph):
+class Cell(HearingRobot):
     """Node processes, and a simulated robot with a camera that reads the estimates.
 
     Attributes:
         group: of the processes.
-        estimates, events: that came so far.
+        events: that came so far.
     """
 
     def __init__(self, group: NodeGroup, nodes: tuple[NodeProcess, ...]) -> None:
         self.group = group
         for process in nodes:
             group.start(process)
-        super().__init__("robot", "/slosh")
-        self.estimates: list[SloshEstimate] = []
+        super().__init__()
         self.events = self.listen(LimitEvent, topics.LIMIT_EVENT, qos.EVENT)
-        self._sent = 0
+        self._sent = self._shown = self._began_ns = 0
         self._accel = self.node.create_publisher(AccelStamped, topics.ACCEL, qos.STREAM_OUT)
         self._surface = self.node.create_publisher(
             FreeSurface, topics.FREE_SURFACE, qos.STREAM_OUT
-        )
-        self.node.create_subscription(
-            SloshEstimate, topics.ESTIMATE, self._on_estimate, qos.STREAM_IN
         )
         # What comes before the recorder listens would lack in the bag.
         self.until(lambda: all(self._is_read(topic, nodes) for topic in READERS))
@@ -65,17 +61,18 @@ class Cell(Graph):
 
     def _move(self) -> None:
         message = AccelStamped()
-        message.header.stamp = self.node.get_clock().now().to_msg()
+        now = self.node.get_clock().now()
+        message.header.stamp = now.to_msg()
         message.header.frame_id = "world"
         # The recorder may hear the first messages late: until then the liquid rests.
-        moved = max(self._sent - STILL, 0) / RATE
+        # By the clock: on a busy machine the timer comes late, and the wave would stay low.
+        self._began_ns = now.nanoseconds if self._sent <= STILL else self._began_ns
+        moved = 1e-9 * (now.nanoseconds - self._began_ns)
         message.accel.linear.x = 2.5 * math.sin(15.0 * moved)
         self._sent += 1
         self._accel.publish(message)
-
-    def _on_estimate(self, estimate: SloshEstimate) -> None:
-        self.estimates.append(estimate)
-        if len(self.estimates) % IMAGE_EVERY == 0:
+        for estimate in self.estimates[self._shown + IMAGE_EVERY - 1 :: IMAGE_EVERY]:
+            self._shown += IMAGE_EVERY
             surface = FreeSurface(msh=estimate.nonlinear.msh + 0.001, azimuth=0.0)
             surface.header = estimate.header
             self._surface.publish(surface)
@@ -148,6 +145,7 @@ def recorded(start, tmp_path):
         monitor=limits,
         estimator={"model": ""},
     )
+    cell.await_settings("estimator", "monitor")
     cell.go_on()
     assert cell.change("estimator", max_jump=0.1, max_gap=0.2).successful
     cell.until(lambda: cell.estimates[-1].samples_dropped > 20)
@@ -156,7 +154,8 @@ def recorded(start, tmp_path):
     highest = max(estimate.nonlinear.msh for estimate in cell.estimates[-150:])
     assert cell.change("monitor", measured_limit=highest, estimated_limit=0.5 * highest).successful
     cell.until(lambda: len(cell.events) > 3)
-    assert cell.change("monitor", estimated_limit=0.4 * highest, release=0.5, hold=0.02).successful
+    # So long that the event goes on until the last change.
+    assert cell.change("monitor", estimated_limit=0.4 * highest, release=0.5, hold=2.0).successful
     cell.go_on(150)
     assert cell.change("monitor", estimated_limit=1.0, measured_limit=1.0).successful
     cell.go_on(50)
@@ -182,11 +181,12 @@ def test_a_recording_with_changes_replays_bit_for_bit_and_is_reported(recorded):
         for e in cell.events
     ]
     assert told(result.events) == sorted(live)
-    assert {limit for source, _, _, limit, *_ in live if source == Source.ESTIMATED} == {
-        min(settings.estimated_limit, settings.rim) for settings in changes
-    }
+    # The last limit is the rim, which no wave need reach.
+    set_limits = [min(settings.estimated_limit, settings.rim) for settings in changes]
+    limits = {limit for source, _, _, limit, *_ in live if source == Source.ESTIMATED}
+    assert set(set_limits[:2]) <= limits <= set(set_limits)
     assert any("limit changed to" in words for *_, words in live)
 
     page = make_live_report(bag, "changed").page
     assert "estimator: max_jump changed from 20.0 to 0.1 after" in page
-    assert "monitor: hold changed from 0.1 to 0.02 after" in page
+    assert "monitor: hold changed from 0.1 to 2.0 after" in page

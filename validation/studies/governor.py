@@ -139,7 +139,7 @@ def governed(
             scale = NOISE / gain * np.array([1.0, 1.0, *2 * [truth.mode_frequency(1)]])
             error = ALIKE * error + math.sqrt(1.0 - ALIKE**2) * scale * rng.normal(size=4)
             late = now - LATE * round(PERIOD * SECOND)
-            governor.see(SeenLiquid(late, seen[-1 - LATE] + error, NOISE, factor))
+            governor.see(SeenLiquid(late, seen[-1 - LATE] + error, NOISE, factor, 0.0))
         told.append(governor.step(now))
         if liquid is not None:
             liquid.step(PERIOD, *told[-1].acceleration)

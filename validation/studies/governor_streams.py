@@ -24,6 +24,7 @@ import with_tools  # noqa: F401
 from camera_sequences import ROOT
 from independent_liquid import Liquids, Vessel
 from observer_accuracy import write_table
+from seen_liquid import FAULTS, WatchedLiquid
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
@@ -82,7 +83,9 @@ LIES = {
 PLAIN, UNEVEN, CLOCK = "nothing wrong", "late and left out steps", "steps of the clock"
 NUMBERS, AGAIN, OTHER = "invalid numbers", "its container's limit changed", "another container"
 KILLED, MOVING = "a governor killed and started", "liquid that moves at the start"
-KINDS = (PLAIN, UNEVEN, CLOCK, NUMBERS, AGAIN, OTHER, KILLED, MOVING, *LIES)
+SMALL = "small steps of the clock"
+CAMERAS = {f"observer: {name}": fault for name, fault in FAULTS.items()}
+KINDS = (PLAIN, UNEVEN, CLOCK, NUMBERS, AGAIN, OTHER, KILLED, MOVING, *LIES, SMALL, *CAMERAS)
 
 
 class Setting(NamedTuple):
@@ -259,9 +262,10 @@ class Stream:
     def __init__(self, kind: str, rng: np.random.Generator) -> None:
         self._rng, self._kind, self._lie = rng, kind, LIES.get(kind)
         self._setting = drawn_setting(rng)
-        self._governor = self._setting.governor(at_rest=kind != MOVING)
-        self._liquids = self._setting.liquids(rng, 1 if self._lie else 6)
-        self.count = 1 if self._lie else 6
+        moves = kind == MOVING or (kind in CAMERAS and rng.random() < 0.5)
+        self._governor = self._setting.governor(at_rest=not moves)
+        self.count = 1 if kind in CAMERAS or self._lie else 6
+        self._liquids = self._setting.liquids(rng, self.count)
         self._robot, self._safe, self._clock = Robot(), False, 0
         self._period = 1.0 / self._setting.rate
         self._t, self._rows = drawn_commands(rng, self._liquids.period, self._setting.rate)
@@ -270,10 +274,16 @@ class Stream:
         self._seen: list[tuple[float, Array]] = []
         self.heights = [0.0, 0.0]
         self._times = [0.0, 0.0]
-        if kind == MOVING:
+        self._watched: WatchedLiquid | None = None
+        if kind in CAMERAS:
+            self._watched = WatchedLiquid(
+                self._setting.model, self._liquids, CAMERAS[kind], rng, self._setting.limits.height
+            )
+            self._watched.still(BEGIN, 0.5)
+        if moves:
             self._disturb()
             self._wait()
-        self._uneven = rng.random(3) if kind == UNEVEN else np.zeros(3)
+        self._uneven = rng.random(3) if kind in (UNEVEN, SMALL) else np.zeros(3)
 
     def run(self) -> Told:
         """Runs the stream until the robot rests after its commands."""
@@ -313,16 +323,34 @@ class Stream:
 
     def _follow(self, seconds: float) -> None:
         """Moves robot and liquids on by a time [s]."""
-        height = self._robot.until(self._robot.t + seconds, self._liquids)
+        height = self._watch(seconds) if self._watched else self._move(seconds)
         part = height / self._setting.limits.height
         self.heights[1] = max(self.heights[1], part)
         self._times[not self._safe] += seconds
         if self._safe:
             self.heights[0] = max(self.heights[0], part)
 
+    def _move(self, seconds: float) -> float:
+        return self._robot.until(self._robot.t + seconds, self._liquids)
+
+    def _watch(self, seconds: float) -> float:
+        """Moves on by a time [s], in which an observer follows; returns the greatest height."""
+        assert self._watched is not None
+        count, highest = max(math.ceil(seconds / self._watched.every), 1), 0.0
+        for _ in range(count):
+            highest = max(highest, self._move(seconds / count))
+            self._watched.follow(self._robot.t, self._now, self._robot.acceleration)
+        while self._watched.states:
+            self._governor.see(self._watched.states.popleft())
+        return highest
+
     def _pause(self) -> float:
         """Draws the time until the next step [s]."""
         rng, (jitter, late, left_out) = self._rng, self._uneven
+        if self._kind == SMALL:
+            back = (rng.random() < 0.3 * jitter) * rng.uniform(0.05, 0.85) * left_out
+            self._clock -= round(back * self._period * SECOND)
+            return float(self._period * (1.0 + (rng.random() < 0.1 * late**3) * rng.random()))
         if self._kind != UNEVEN:
             return self._period
         delay = rng.uniform(0.0, 8.0) if rng.random() < 0.05 * late else 0.0
@@ -361,7 +389,7 @@ class Stream:
         told = np.column_stack([place.real, place.imag, speed.real, speed.imag])
         stddev = NOISE if math.isnan(lie.stddev) else lie.stddev
         factor = liquids.frequency_factor if math.isnan(lie.factor) else lie.factor
-        self._governor.see(SeenLiquid(stamp, told, stddev, factor))
+        self._governor.see(SeenLiquid(stamp, told, stddev, factor, 0.0))
 
     def _events(self) -> list[tuple[float, Callable[[], None]]]:
         """Draws when what goes wrong: times [s] and what happens then."""

@@ -122,6 +122,20 @@ class Liquids:
         place, speed = self.place[index], self.speed[index]
         return np.column_stack([place.real, place.imag, speed.real, speed.imag])
 
+    @property
+    def cornered(self) -> bool:
+        """Whether the container is a rectangle."""
+        return not self._round
+
+    def at(self, azimuths: Real) -> Real:
+        """Returns heights of the first liquid at azimuths [rad] of the wall [m].
+
+        In a rectangle at the middles of its sides, which are at multiples of 90°.
+        """
+        x, y = (self._gain[0].T * (self.place[0].real, self.place[0].imag)).sum(axis=1)
+        found: Real = x * np.cos(azimuths) + y * np.sin(azimuths)
+        return found
+
     def move(self, duration: float, begin: Real, end: Real) -> float:
         """Advances all liquids over a time in which the acceleration is linear.
 

@@ -44,12 +44,13 @@ from slosh_plan.joints import Arm
 from slosh_plan.planning.checked import Checker
 from slosh_plan.planning.joint_limits import limits_of
 from slosh_plan.planning.joint_path import JointLeg, joint_path
-from slosh_plan.planning.known_laws import LONGEST, UNIT_LAWS, Make, fastest, known_laws
+from slosh_plan.planning.known_laws import LONGEST, Make, fastest, known_laws
 from slosh_plan.planning.limits import LARGEST, PlanLimits
 from slosh_plan.planning.path import Leg, path_through
 from slosh_plan.planning.path import Path as Route
 from slosh_plan.planning.plan import plan
 from slosh_plan.planning.time_law import STEP, Law, PlannedMotion, motion_along
+from slosh_plan.planning.unit_laws import UNIT_LAWS
 from slosh_testing.planned_equations import planned_heights
 
 Array = NDArray[np.float64]

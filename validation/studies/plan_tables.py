@@ -30,9 +30,7 @@ from slosh_model import Cylinder, Model, Rectangle
 from slosh_plan.planning.checked import Checker
 from slosh_plan.planning.known_laws import (
     LONGEST,
-    UNIT_LAWS,
     Make,
-    UnitLaw,
     fastest,
     known_laws,
     leg_durations,
@@ -42,6 +40,7 @@ from slosh_plan.planning.path import Leg, path_through
 from slosh_plan.planning.path import Path as Route
 from slosh_plan.planning.plan import NoSafeMotionError, plan
 from slosh_plan.planning.time_law import PlannedMotion, motion_along
+from slosh_plan.planning.unit_laws import UNIT_LAWS, UnitLaw
 
 Array = NDArray[np.float64]
 

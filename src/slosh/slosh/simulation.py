@@ -165,6 +165,7 @@ def plan(
     limits = PlanLimits(
         limit, RESIDUAL * limit if residual is None else residual, acceleration, jerk
     )
+    times = None
     if isinstance(path, np.ndarray | list | tuple):
         places = np.asarray(path, dtype=np.float64)
         waypoints = Waypoints(np.array([0.0, math.inf]), places, None)  # without a proposed time
@@ -172,7 +173,8 @@ def plan(
         kinds = "places as an (N, 3) array, a pandas table or the path of a table of waypoints"
         with as_file(path, "path", kinds) as file:
             waypoints = read_path_table(file)
-    way = path_through(waypoints.position)
+        times = waypoints.t
+    way = path_through(waypoints.position, times=times)
     _warn("path", path_doubts(waypoints))
     return plan_path(used, way, limits, attitude=waypoints.attitude)
 

@@ -1,4 +1,6 @@
-"""Starts the nodes of a slosh cell on a robot's topics.
+"""Starts the nodes of a slosh cell on a robot's topics, with an installation of ROS 2.
+
+Without one, `slosh cell --config cell.yaml` starts the same nodes.
 
 ros2 launch slosh_bringup cell.launch.py
 ros2 launch slosh_bringup cell.launch.py simulate:=true

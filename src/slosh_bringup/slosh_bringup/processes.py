@@ -44,6 +44,8 @@ NODES: Mapping[str, str] = {
 }
 # Those that end by themselves.
 ENDING = ("cell", "player")
+# Those that may be told that the liquid is at rest when they start.
+BEGINNING = ("estimator", "governor")
 # What it records must have ended before it does.
 LAST = "recorder"
 # Long enough for the recorder to finish its last chunk on a busy machine.
@@ -280,7 +282,7 @@ def restarted(process: NodeProcess, ends: int) -> NodeProcess:
         ends: how often it has ended so far.
     """
     own: Mapping[str, str] = process.parameters
-    if process.name == "estimator":
+    if process.name in BEGINNING:
         own = {**own, "starts_at_rest": "false"}
     if process.name == LAST:
         # What has been recorded stays as it is.

@@ -113,6 +113,15 @@ def test_images_that_a_camera_lost_are_gaps_in_the_time(tmp_path):
     assert source.warnings == []
 
 
+@pytest.mark.parametrize("lost", [1, 2, 3, 12])
+def test_images_that_a_camera_lost_at_the_end_cut_nothing_off(tmp_path, lost):
+    with_empty_chunks(tmp_path / "lost.avi", empty=range(COUNT - lost, COUNT))
+    numbers, times, source = seen(tmp_path / "lost.avi")
+    assert numbers == list(range(COUNT - lost))
+    assert times == pytest.approx(np.array(numbers) / RATE, abs=1e-3)
+    assert source.warnings == []
+
+
 @pytest.mark.parametrize("empty", [(), (5, 11)], ids=["whole", "images lost"])
 def test_a_file_that_is_cut_is_still_told(tmp_path, empty):
     path = tmp_path / "cut.avi"

@@ -76,7 +76,7 @@ class GovernedBag(LiveBag):
                 modal_velocity=modal[:, 2:].ravel(), trusted=True, distance_to_rim=np.nan,
                 **fused_fields(state, self._observer.counts),
             )  # fmt: skip
-            seen = SeenLiquid(now, modal, state.msh_stddev, state.frequency_factor)
+            seen = SeenLiquid(now, modal, state.msh_stddev, state.frequency_factor, 0.02)
             self._governor.see(seen)
         if self._count % EVERY == 0:
             self._move(now, log_ns)

@@ -10,7 +10,7 @@ import pytest
 
 from slosh_bringup.live.other_cells import OtherCells
 from slosh_bringup.live.supervision import HANGS, Supervision
-from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
+from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment, restarted
 
 
 @pytest.fixture
@@ -102,3 +102,11 @@ def test_it_is_not_lost_in_a_function_that_a_library_calls():
 
 def test_before_and_after_it_asks_for_the_end_and_no_more():
     assert ends("pass") == (0, "SIGTERM")
+
+
+@pytest.mark.parametrize("name", ["estimator", "governor"])
+def test_a_node_that_is_restarted_does_not_believe_that_the_liquid_is_at_rest(name):
+    first = NodeProcess(name, parameters={"starts_at_rest": "true", "rate": "50.0"})
+    assert restarted(first, 1).parameters == {"starts_at_rest": "false", "rate": "50.0"}
+    # A file may say so, too: the single parameter wins.
+    assert restarted(NodeProcess(name), 1).parameters["starts_at_rest"] == "false"

@@ -20,7 +20,7 @@ from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.robot import Robot
 from slosh_estimator.sampling import Modes
 from slosh_estimator.transform_poses import TransformPoses
-from slosh_estimator.velocity_input import VelocityInput
+from slosh_estimator.velocity_input import OdometryPoses, VelocityInput
 from slosh_metrics.mounting.verdict import Expected
 from slosh_model.model import TILT, Model
 from slosh_msgs_py.topics import DRIVING
@@ -56,15 +56,18 @@ POSE_WINDOW = 0.0
 
 MOUNTED = (ACCEL, IMU, POSE)
 """Kinds whose frame may be anywhere on the robot."""
+BY_TWIST, BY_POSE = "twist", "pose"
+"""What is read of Odometry messages."""
 VELOCITIES = (ODOMETRY, TWIST)
 """Kinds whose messages tell velocities."""
 WINDOWED = (*POSES, *VELOCITIES)
 """Kinds that are differentiated in a sliding window: their estimates come later than they do."""
 ADDED = f"the effect {TILT} is added to the model: the poses contain the container's tilt"
-_NOUNS = {
+NOUNS = {
     POSE: "poses", JOINTS: "joint states", TRANSFORMS: "transforms", ODOMETRY: "odometry messages",
-    TWIST: "velocities",
+    TWIST: "velocities", ACCEL: "accelerations", IMU: "imu messages",
 }  # fmt: skip
+"""Kinds of input and what comes, in the plural."""
 AnyInput = AccelInput | ImuInput | PoseInput
 PoseSource = JointPoses | TransformPoses | PlacedAccel
 
@@ -94,6 +97,7 @@ class InputSettings(NamedTuple):
         placed: frame of accelerations that transforms place, moving; empty: none.
         since_ns: stamp of the first moving transform that is used for that [ns]; 0: of all.
         apart: see `AccelInput`.
+        odometry: what is read of Odometry messages, their BY_TWIST or BY_POSE.
     """
 
     kind: str | None = None
@@ -112,6 +116,7 @@ class InputSettings(NamedTuple):
     placed: str = ""
     since_ns: int = 0
     apart: bool = False
+    odometry: str = BY_TWIST
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> InputSettings:
@@ -146,6 +151,7 @@ class InputSettings(NamedTuple):
             placed=parameters.get(PLACED, ""),
             since_ns=parameters.get(SINCE, parameters.get(CHAINED_SINCE, 0)),
             apart=parameters.get(APART, False),
+            odometry=parameters.get(ODOMETRY, BY_TWIST),
         )
 
     def mounted(
@@ -282,15 +288,19 @@ class InputSettings(NamedTuple):
         if kind == ACCEL:
             mount = SensorTransform() if self.placed else mount
             return AccelInput(self.gate, self.frames, mount, self.checks, apart=self.apart)
+        if kind == ODOMETRY and self.odometry == BY_POSE:
+            return OdometryPoses(
+                self.gate, self.pose_window, mount, self.checks, NOUNS[kind], self.smoothing
+            )
         if kind in VELOCITIES:
             return VelocityInput(
-                self.gate, self.pose_window, mount, self.frames, self.checks, _NOUNS[kind],
+                self.gate, self.pose_window, mount, self.frames, self.checks, NOUNS[kind],
                 self.smoothing,
             )  # fmt: skip
         world = None if old else self.frames[0]
         return PoseInput(
             self.gate, self.pose_window, mount, world, self.any_world or kind != POSE,
-            self.checks, _NOUNS[kind], self.smoothing, self.base,
+            self.checks, NOUNS[kind], self.smoothing, self.base,
         )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.aligned import AlignedStreams, Values
 from slosh_estimator.joint_velocities import JointVelocities
 from slosh_estimator.robot import Robot
@@ -41,6 +42,7 @@ class JointPoses:
         self._seen: dict[str, None] = {}
         self._states = 0
         self._wrong = self._twice = ""
+        self._unusable = self._first_ns = 0
         self.velocities = JointVelocities()
 
     def take(
@@ -64,7 +66,12 @@ class JointPoses:
         if not joints or not positions:
             return []
         if len(positions) != len(names):
-            self._wrong = f"a joint state has {len(positions)} positions for {len(names)} names"
+            self._unusable += 1
+            self._first_ns = self._first_ns or stamp_ns
+            self._wrong = (
+                f"a joint state has {len(positions)} positions for {len(names)} names: "
+                f"{self._unusable} are not used, from {self._first_ns / SECOND:.3f} s on"
+            )
             return []
         values = tuple([positions[place] for place in places])
         if len(velocities) == len(names):

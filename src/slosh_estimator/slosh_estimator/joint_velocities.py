@@ -21,7 +21,7 @@ class JointVelocities:
         self._start: tuple[int, Sequence[float]] | None = None
         self._last: tuple[int, Sequence[float]] | None = None
         self._sums: list[float] = []
-        self._moved = self._missed = 0.0
+        self._moved = self._missed = self._along = self._told = 0.0
 
     def take(self, stamp_ns: int, positions: Sequence[float], velocities: Sequence[float]) -> None:
         """Adds a joint state's positions [rad or m] and velocities [rad/s or m/s]."""
@@ -42,6 +42,8 @@ class JointVelocities:
             for total, one, other in zip(sums, begin, positions, strict=True):
                 self._moved += (other - one) ** 2
                 self._missed += (other - one - total) ** 2
+                self._along += (other - one) * total
+                self._told += total * total
             self._start, self._sums = (stamp_ns, positions), [0.0] * len(positions)
 
     @property
@@ -49,6 +51,22 @@ class JointVelocities:
         """Relative error of the velocities, or NaN if it is unknown."""
         enough = self._moved > TUNING.compared**2
         return math.sqrt(self._missed / self._moved) if enough else math.nan
+
+    def remark(self) -> str:
+        """Returns that positions and velocities differ by a constant factor; empty if not.
+
+        Velocities that are late, filtered or zeros are none such: they are common and not used.
+        """
+        if math.isnan(self.error) or self.error <= TUNING.agreeing_velocity:
+            return ""
+        factor = self._along / self._moved
+        left = self._told - factor * factor * self._moved
+        if left >= (TUNING.agreeing_velocity * factor) ** 2 * self._moved:
+            return ""
+        return (
+            f"the joint velocities are {factor:.3g} times the change of the positions: the unit "
+            "or sign of one of them is wrong; the positions are used"
+        )
 
     def facts(self) -> dict[str, str]:
         """Returns how well velocities agree with positions, for the diagnostics."""

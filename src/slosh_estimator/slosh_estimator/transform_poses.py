@@ -54,6 +54,7 @@ class TransformPoses:
         self._world, self._container = world.lstrip("/"), container.lstrip("/")
         self._parents: dict[str, str] = {}
         self._fixed: dict[str, Transform] = {}
+        self._changed = ""
         self._chain: tuple[str, ...] = ()
         self._streams: AlignedStreams[str] = AlignedStreams(between, self._is_complete)
         self._count = 0
@@ -74,6 +75,9 @@ class TransformPoses:
                 self._parents[child] = parent
                 self._find_chain()
             if fixed:
+                before = self._fixed.get(child)
+                if before is not None and before[3:] != one[3:]:
+                    self._changed = child
                 self._fixed[child] = one
             elif child in self._chain and child not in self._fixed:
                 self._newest_ns = max(self._newest_ns, one.stamp_ns)
@@ -119,6 +123,11 @@ class TransformPoses:
                 f"the transforms do not connect {self._world!r} with {self._container!r}: "
                 f"{self._container!r} {self._ends()}; set world_frame and container_frame to "
                 "frames of one tree"
+            )
+        if self._changed in self._chain:
+            return (
+                f"the fixed transform of {self._changed!r} was published with two values, of "
+                "which the last counts: stop one of its publishers, or publish what moves on /tf"
             )
         silent = self._streams.silent()
         if silent is not None:

@@ -1,5 +1,7 @@
 """Reads velocities of a frame that carries the container (Odometry, TwistStamped).
 
+`OdometryPoses` reads the poses of Odometry messages whose twist is wrong.
+
 They are differentiated once, by the same window as poses. The velocity of the container's origin
 is v + ω × r, in the world's axes. Odometry tells the attitude; where a twist alone is known the
 container counts as upright, and its yaw is the integral of the angular velocity.
@@ -25,10 +27,11 @@ from slosh_estimator.rotation import Vector
 from slosh_estimator.sample import SECONDS_PER_NS, Sample
 from slosh_estimator.tuning import TUNING
 from slosh_metrics.input_checks.constant_meaning import Doubt
-from slosh_metrics.input_checks.message_checks import TwistCheck
+from slosh_metrics.input_checks.message_checks import Dropouts, TwistCheck
 from slosh_metrics.tuning import TUNING as CHECKS
 
 _NOWHERE: Vector = (0.0, 0.0, 0.0)
+_REMEDY = "mend the driver, or set the estimator's parameter odometry to pose"
 _OWN = 8
 """Numbers of the memory beside those of the window: yaw, its rate, place, velocity."""
 
@@ -86,7 +89,8 @@ class VelocityInput(PoseInput):
         turn = sensor_from_container(mount)
         self._held = rotated(turn, mount.to_origin), turn  # where the container stands in it
         self._world = frames[0]
-        self._twists = TwistCheck()
+        self._twists, self._dropouts = TwistCheck(), Dropouts(noun)
+        self._container, self._assumed = frames[1], ""
         self._yaw = self._rate = 0.0
         self._place, self._velocity = _NOWHERE, _NOWHERE
         self._last_ns = 0
@@ -101,6 +105,8 @@ class VelocityInput(PoseInput):
         stamp_ns, linear, angular, attitude, frame, position = twist
         sent = linear
         in_world = bool(frame) and frame.lstrip("/") == self._world
+        if attitude is None and not in_world and frame.lstrip("/") != self._container:
+            self._assumed = f"in the frame {frame!r}" if frame else "without a frame"
         turned = self._integrated(stamp_ns, angular[2]) if attitude is None else attitude
         if not in_world:
             linear, angular = rotated(turned, linear), rotated(turned, angular)
@@ -159,6 +165,7 @@ class VelocityInput(PoseInput):
     def _look(self, stamp_ns: int, position: Vector, quaternion: Quaternion) -> None:
         """Checks a velocity against those before it."""
         self._stairs.take(stamp_ns, position)
+        self._dropouts.take(stamp_ns, position)
 
     def _leaped(self, stamp_ns: int, values: tuple[float, ...]) -> bool:
         """Returns False: a leap of the velocity is no fault but a strong acceleration."""
@@ -167,9 +174,75 @@ class VelocityInput(PoseInput):
     def message_doubts(self) -> tuple[Doubt, ...]:
         """Returns what messages that contradict themselves or each other show."""
         doubt = self._twists.raised
-        return (*super().message_doubts(), *(() if doubt is None else (doubt,)))
+        if doubt is not None and doubt.wrong:
+            doubt = Doubt(f"{doubt.text}; {_REMEDY}")
+        found = (*super().message_doubts(), doubt, self._dropouts.raised)
+        return tuple(one for one in found if one is not None)
+
+    def remark(self) -> str | None:
+        """Returns a remark about assumed axes; None if they are known."""
+        if not self._assumed:
+            return None
+        return (
+            f"velocities {self._assumed} are assumed to have the axes of the moving frame; if "
+            f"they have the world's, set frame_id to {self._world!r}"
+        )
 
     @property
     def contradicted(self) -> bool:
         """Whether the twist of the messages is not the change of their pose."""
         return super().contradicted or (self.flags and self._twists.found)
+
+
+class OdometryPoses(PoseInput):
+    """Converts the poses of Odometry messages to input samples; see `PoseInput`.
+
+    Args:
+        settings: limits of the gate.
+        window: length of the window [s].
+        transform: container ← the frame that moves.
+        checks: see `InputSettings`.
+        noun: what comes, in the plural.
+        smoothing: see `PoseInput`.
+    """
+
+    def __init__(
+        self,
+        settings: GateSettings,
+        window: float = 0.0,
+        transform: SensorTransform | None = None,
+        checks: bool | None = True,
+        noun: str = "odometry messages",
+        smoothing: float = 0.0,
+    ) -> None:
+        super().__init__(settings, window, transform, None, True, checks, noun, smoothing)
+        self._twists = TwistCheck()
+
+    def update_twist(self, twist: Twist, now_ns: int | None = None) -> list[Sample]:
+        """Returns the samples that an Odometry message completes; see `PoseInput.update`.
+
+        Args:
+            twist: with its attitude and position.
+            now_ns: the time of arrival [ns].
+        """
+        if twist.attitude is None or twist.position is None:
+            raise SloshEstimatorError("a velocity without a pose cannot be read by its pose")
+        turned = rotated(twist.attitude, twist.linear)
+        self._twists.take(twist.stamp_ns, twist.position, turned, twist.linear)
+        return self.update(twist.stamp_ns, twist.position, twist.attitude, now_ns)
+
+    def message_doubts(self) -> tuple[Doubt, ...]:
+        """Returns what messages that contradict themselves or each other show."""
+        doubt = self._twists.raised
+        if doubt is None:
+            return super().message_doubts()
+        used = "its poses are used" if doubt.wrong else "set the parameter odometry to twist"
+        told = Doubt(f"{doubt.text}; {used}", wrong=not doubt.wrong)
+        return (*super().message_doubts(), told)
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether values rise in stairs, or the pose stands where the twist moves."""
+        doubt = self._twists.raised
+        stands = doubt is not None and not doubt.wrong
+        return super().contradicted or (self.flags and stands)

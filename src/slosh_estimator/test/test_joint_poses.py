@@ -13,6 +13,7 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.joint_poses import JointPoses
+from slosh_estimator.joint_velocities import JointVelocities
 from slosh_estimator.robot import Robot, available, read_urdf
 from slosh_testing.rail_robot import (
     JOINTS,
@@ -123,7 +124,11 @@ def test_what_is_missing_is_told_in_one_line():
     ("names", "positions", "told"),
     [
         (JOINTS, [0.0, 90.0, 0.0, 0.0], "joint shoulder = 90 is far beyond its limits in URDF"),
-        (JOINTS, [0.0, 0.1], "a joint state has 2 positions for 4 names"),
+        (
+            JOINTS,
+            [0.0, 0.1],
+            f"2 positions for 4 names: 1 are not used, from {BEGIN / 1e9:.3f} s on",
+        ),
     ],
 )
 def test_positions_that_cannot_be_are_told(names, positions, told):
@@ -285,3 +290,24 @@ def test_a_link_that_shares_its_name_with_a_joint_is_the_container():
     assert Robot(shared, "cup", "world").pose(values) == Robot(RAIL_URDF, "cup", "world").pose(
         values
     )
+
+
+@pytest.mark.parametrize(
+    ("velocity", "told"),
+    [
+        (lambda now, t: 57.29578 * now, "57.3 times"),
+        (lambda now, t: -now, "-1 times"),
+        (lambda now, t: now, ""),
+        (lambda now, t: 0.0, ""),  # never filled
+        (lambda now, t: 2.0 * math.sin(17.0 * t), ""),  # of something else
+    ],
+)
+def test_velocities_in_another_unit_are_told(velocity, told):
+    check = JointVelocities()
+    for k in range(600):
+        t = 0.01 * k
+        check.take(
+            BEGIN + k * 10 * MS, [math.sin(3.0 * t)], [velocity(3.0 * math.cos(3.0 * t), t)]
+        )
+    assert told in check.remark()
+    assert bool(check.remark()) == bool(told)

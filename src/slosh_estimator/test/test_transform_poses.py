@@ -112,6 +112,16 @@ def test_a_chain_in_which_nothing_moves_is_told():
     assert poses.trouble() == ""
 
 
+def test_a_fixed_link_that_changes_is_told():
+    poses = chain()
+    for ms in range(60):
+        poses.take([rail(ms), wrist(ms)])
+    poses.take(FIXED, fixed=True)
+    assert poses.trouble() == ""
+    poses.take([link("tool", "cup", (0.0, 0.2, 0.0))], fixed=True)
+    assert "the fixed transform of 'cup' was published with two values" in poses.trouble()
+
+
 def test_a_loop_ends():
     poses = TransformPoses("world", "cup")
     for ms in range(60):

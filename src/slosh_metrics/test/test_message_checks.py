@@ -6,7 +6,14 @@ import random
 import numpy as np
 import pytest
 
-from slosh_metrics.input_checks.message_checks import Leap, Stairs, ToAndFro, TwistCheck, unstamped
+from slosh_metrics.input_checks.message_checks import (
+    Dropouts,
+    Leap,
+    Stairs,
+    ToAndFro,
+    TwistCheck,
+    unstamped,
+)
 from slosh_metrics.input_checks.table_checks import motion_doubts
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
@@ -181,3 +188,33 @@ def test_a_table_of_poses_is_checked_as_messages_are(at, word):
     # Their accelerations are those that a filter made of them: nothing shows in them.
     doubts = motion_doubts(t, np.zeros((300, 3)), None, position)
     assert [word in doubt and doubt.wrong for doubt in doubts] == ([] if word is None else [True])
+
+
+@pytest.mark.parametrize("rate", [50, 125, 500])
+def test_velocities_that_drop_to_zero_are_found(rate):
+    check = Dropouts("velocities")
+    for k in range(3 * rate):
+        speed = 0.0 if k in (rate, rate + 1, 2 * rate) else 0.8 * min(k / rate, 1.0)
+        check.take(k * 10**9 // rate, (speed, 0.0, 0.0))
+    assert "3 of the velocities are zero between others" in check.raised.text
+
+
+@pytest.mark.parametrize("rate", [10, 50, 125, 500])
+def test_a_frame_that_stops_and_goes_on_is_not_blamed(rate):
+    check = Dropouts("velocities")
+    for k in range(6 * rate):
+        # Up to 10 m/s², through zero and back, rounded as encoders do.
+        speed = round(min(abs(10.0 * (k / rate - 3.0)), 1.0) / 0.01) * 0.01
+        check.take(k * 10**9 // rate, (speed, 0.0, 0.0))
+    assert check.raised is None
+
+
+def test_what_rests_but_for_rounding_and_then_moves_is_no_stair():
+    check, place = Stairs("poses", 5e-3), 0.5
+    for k in range(100):
+        if k % 2 == 0 and k < 60:  # the last bit flickers
+            place = 0.5 if k % 4 else math.nextafter(0.5, 1.0)
+        elif k >= 60:
+            place = 0.5 + 0.5 * 10.0 * ((k - 60) / 50) ** 2
+        check.take(k * 20_000_000, (place, 0.0, 0.0))
+    assert check.raised is None

@@ -18,7 +18,7 @@ from slosh_base.types import Array
 from slosh_model.batch import wall_heights
 from slosh_model.constants import GRAVITY
 from slosh_model.containers import X_AXIS, Y_AXIS
-from slosh_model.model import Model
+from slosh_model.model import VERTICAL, Model
 from slosh_model.simulate import MAXIMUM_STEP, Inputs, State
 
 LEAST_WAVE = 1e-5
@@ -59,7 +59,7 @@ def growth_text(factor: float) -> str:
 
 
 def growing_waves(
-    model: Model, motions: Sequence[Inputs], max_step: float = MAXIMUM_STEP
+    models: Model | Sequence[Model], motions: Sequence[Inputs], max_step: float = MAXIMUM_STEP
 ) -> list[GrowingWaves | None]:
     """Returns the smallest waves that grow in each of many motions; None where none is seen.
 
@@ -72,30 +72,78 @@ def growing_waves(
     True
 
     Args:
-        model: the model; vertical acceleration acts in any case.
+        models: the model of all motions, or one of each; vertical acceleration acts in any case.
         motions: the motions.
         max_step: of the integration [s].
     """
+    each = [models] * len(motions) if isinstance(models, Model) else list(models)
     found: list[GrowingWaves | None] = [None] * len(motions)
-    places = [at for at, one in enumerate(motions) if _may_grow(model, one)]
-    if places:
+    rates = {id(model): _rates(model) for model in each}
+    lifts = {id(motion): _lift(motion) for motion in motions}
+    groups: dict[int, list[int]] = {}
+    for place, (model, motion) in enumerate(zip(each, motions, strict=True)):
+        if _may_grow(rates[id(model)], lifts[id(motion)]):
+            groups.setdefault(id(model), []).append(place)
+    for places in groups.values():
         vertical = [_vertical(motions[at]) for at in places]
-        grown = _grown(model.linear().spatial(), vertical, max_step)
-        found = [grown[places.index(at)] if at in places else None for at in range(len(motions))]
+        grown = _grown(each[places[0]].linear().spatial(), vertical, max_step)
+        for place, one in zip(places, grown, strict=True):
+            found[place] = one
     return found
 
 
-def _may_grow(model: Model, motion: Inputs) -> bool:
-    """Whether the smallest wave may become visible, by a bound that holds for any motion.
+def _rates(model: Model) -> Array:
+    """Returns how fast each mode's wave grows at most by vertical acceleration, and decays.
 
-    The energy E = q̇² + ω²q² rises by at most ω |z̈|/g E a second.
+    V = (q̇ + ζωq)² + ω²(1 − ζ²)q² changes by at most (ω |z̈|/(g √(1 − ζ²)) − 2ζω) V a second; a
+    wave's height by half of the exponent.
+
+    Returns:
+        (modes and directions, 2) growth by |z̈| [s/m] and decay [1/s]; the latter is 0 where an
+        effect may change the damping.
     """
+    counts, found = _plain(model), []
+    for mode in model.mode_constants():
+        for axis in (X_AXIS, Y_AXIS):
+            one = mode.along(axis)
+            omega, zeta = one.natural_frequency, min(one.damping_ratio, 0.9)
+            found.append((0.5 * omega / GRAVITY / math.sqrt(1.0 - zeta**2), zeta * omega * counts))
+    return np.array(found)
+
+
+def _plain(model: Model) -> bool:
+    """Whether no effect of a model changes its damping, or drives it without an acceleration."""
+    known = {VERTICAL, model.container.nonlinear_effect, "gravity_tilt", "second_mode"}
+    return all(use.name in known for use in model.effects)
+
+
+def undriven(model: Model, motion: Inputs) -> bool:
+    """Whether a liquid at rest stays at rest in a motion, but for its smallest wave."""
+    return _plain(model) and not (len(motion.poses) or motion.acceleration[:, :2].any())
+
+
+def _lift(motion: Inputs) -> tuple[Array, Array]:
+    """Returns ∫|z̈| dt [m/s] up to each sample but the first, and the times since then [s]."""
     lift = np.abs(motion.acceleration[:, 2])
     if not lift.any():
+        return np.zeros(1), np.zeros(1)
+    parts = 0.5 * (lift[1:] + lift[:-1]) * np.diff(motion.t)
+    return np.cumsum(parts), motion.t[1:] - motion.t[0]
+
+
+def _may_grow(rates: Array, lift: tuple[Array, Array]) -> bool:
+    """Whether the smallest wave may become visible, by a bound that holds for any motion."""
+    pushed, since = lift
+    if pushed[-1] == 0.0:
         return False
-    rate = 0.5 * max(mode.natural_frequency for mode in model.mode_constants()) / GRAVITY
-    exponent = rate * float((0.5 * (lift[1:] + lift[:-1]) * np.diff(motion.t)).sum())
-    return exponent > math.log(SEEN / LEAST_WAVE)
+    longest = float(np.diff(pushed, prepend=0.0).max())
+    for grows, decays in rates:
+        # Within an interval a wave is not higher than without its damping.
+        exponent = float((grows * pushed - decays * since).max()) + grows * longest
+        # The first factor is that of V at the start by the wave's own.
+        if 1.01 * math.exp(min(exponent, 100.0)) > SEEN / LEAST_WAVE:
+            return True
+    return False
 
 
 def _vertical(motion: Inputs) -> Inputs:

@@ -20,6 +20,7 @@ from slosh_model.errors import SloshModelError
 Law = Callable[[Array], tuple[Array, Array, Array]]
 """(N,) relative time to position 0 … 1, its first and its second derivative, (N,) each."""
 
+_LEAST_STROKE = 1e-6  # m
 MINUTE = 60.0
 PEAK = 1.0 / (0.25 / math.pi + 0.125)
 """Largest second derivative of the modified trapezoid, 4.888."""
@@ -117,6 +118,8 @@ class Cycle:
             )
         within("speed", self.speed, "1/min", 0.1, 6000.0)
         within("stroke", self.stroke, "m", -10.0, 10.0)
+        if abs(self.stroke) < _LEAST_STROKE:
+            raise SloshModelError(f"stroke {self.stroke:g} m: must be at least 0.001 mm")
         within("ratio", self.ratio, "", 0.01, 1.0)
 
     @property

@@ -20,6 +20,7 @@ from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
 from slosh_model.containers import X_AXIS, Y_AXIS, Container
 from slosh_model.errors import SloshModelError
+from slosh_model.least_wave import growing_waves
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, State, simulate
 from slosh_model.standing import Standing
@@ -121,8 +122,26 @@ def standing_use(
         standing: how the container stands.
         inputs: motion of the tray's frame.
         place: (3,) of the centre of the still surface in that frame [m]; None: its origin.
-        state: of the liquid at the first sample; None: at rest.
+        state: of the liquid at the first sample; None: at rest, but for the smallest wave.
     """
+    found = _use(model, standing, inputs, place, state)
+    (waves,) = growing_waves(model, [inputs])
+    for wave in waves.starts if waves else ():
+        started = State(
+            float(inputs.t[0]),
+            wave if state is None else wave + state.modal,
+            np.zeros(4) if state is None else state.held,
+            None if state is None else state.memory,
+        )
+        other = _use(model.spatial(), standing, inputs, place, started)
+        found = StandingUse(*map(max, found, other))
+    return found
+
+
+def _use(
+    model: Model, standing: Standing, inputs: Inputs, place: Array | None, state: State | None
+) -> StandingUse:
+    """Simulates a motion from a state; returns what it uses; as `standing_use`."""
     masses = StandingMasses.of(model, standing)
     modal = simulate(model, inputs, state)[0].modal
     above = np.array([0.0, 0.0, masses.centre_height - model.container.fill_height])

@@ -63,3 +63,28 @@ def test_waves_start_in_the_phase_from_which_they_grow_highest():
     (gain,) = MODEL.height_gains()
     assert gain * math.hypot(along_x[0, 0], along_x[0, 2] / OMEGA) == pytest.approx(LEAST_WAVE)
     np.testing.assert_array_equal(along_y[0], along_x[0, [1, 0, 3, 2]])
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_wave_that_becomes_visible_is_passed_over(seed):
+    """Tests the bound by which motions are passed over against Mathieu's equation."""
+    random = np.random.default_rng(seed)
+    t = np.arange(0.0, random.uniform(3.0, 25.0), 0.004)
+    swell = random.uniform(0.0, 1.0) + np.sin(random.uniform(0.1, 1.0) * t) ** 2
+    size, ratio = THRESHOLD * random.uniform(0.5, 4.0), random.normal(2.0, 0.02)
+    motion = Inputs(t, np.outer(size * swell * np.cos(ratio * OMEGA * t), [0.0, 0.0, 1.0]))
+    (found,) = growing_waves(MODEL, [motion])
+    grown = by_scipy(motion)
+    if found is None:
+        assert grown * LEAST_WAVE < 1.01e-4
+    else:
+        assert found.factor == pytest.approx(grown, rel=5e-3)
+
+
+def test_many_models_are_told_apart():
+    motion = shaken(2.5 * THRESHOLD)
+    other = Model(Cylinder(radius=0.08, fill_height=0.06)).spatial()
+    found, none = growing_waves([MODEL, other], [motion, motion])
+    assert none is None
+    (alone,) = growing_waves(MODEL, [motion])
+    assert found.factor == alone.factor

@@ -15,11 +15,10 @@ from itertools import pairwise
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_model.batch import wall_heights
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
 from slosh_plan.errors import SloshPlanError
-from slosh_plan.heights import first_period, msh_of
+from slosh_plan.heights import first_period, highest, msh_of
 from slosh_plan.limits import HeightLimits
 from slosh_plan.tuning import TUNING
 
@@ -121,7 +120,7 @@ def _peak(model: Model, acceleration: float, ramp: float, longest: float) -> tup
         longest: time for which it is held, at most [s].
     """
     moves = list(_moves(model, acceleration, ramp, longest))
-    heights = wall_heights(model, [inputs for inputs, _ in moves])
+    heights = [one.heights for one in highest(model, [inputs for inputs, _ in moves])]
     peak = left = 0.0
     for (inputs, end), both in zip(moves, heights, strict=True):
         msh = msh_of(model.container, both)

@@ -13,7 +13,7 @@ from slosh_base.types import Array
 from slosh_model.batch import wall_heights
 from slosh_model.containers import Container
 from slosh_model.errors import SloshModelError
-from slosh_model.least_wave import growing_waves
+from slosh_model.least_wave import growing_waves, undriven
 from slosh_model.model import Model
 from slosh_model.simulate import MAXIMUM_STEP, Inputs
 from slosh_plan.errors import SloshPlanError
@@ -135,6 +135,27 @@ def highest(
     return found
 
 
+def highest_of_each(models: Sequence[Model], motion: Inputs) -> list[Array]:
+    """Computes the heights of one motion with many models, from the smallest waves that grow.
+
+    Args:
+        models: that differ in their parameters.
+        motion: the motion, of a liquid at rest.
+
+    Returns:
+        (N, 2) at the container's +x and +y [m], of each model.
+
+    Raises:
+        SloshModelError: as of `wall_heights`.
+    """
+    found = wall_heights(models, motion)
+    waves = growing_waves(models, [motion] * len(models))
+    for place, (model, one) in enumerate(zip(models, waves, strict=True)):
+        if one is not None:
+            found[place] = highest(model, [motion])[0].heights
+    return found
+
+
 def _peak(model: Model, heights: Array) -> float:
     """Returns the greatest height [m]; infinity where the solution left the finite numbers."""
     return float(np.nan_to_num(msh_of(model.container, heights), nan=np.inf).max())
@@ -145,10 +166,13 @@ def _heights(
 ) -> list[Array]:
     """Computes the heights (N, 2) [m] of each motion, in batches of equal initial state."""
     groups: dict[float, list[int]] = {}
+    answers: dict[int, Array] = {}
     for place, motion in enumerate(inputs):
+        if modal is None and undriven(model, motion):
+            answers[place] = np.zeros((len(motion.t), 2))
+            continue
         t = 0.0 if modal is None else float(motion.t[0])
         groups.setdefault(t, []).append(place)
-    answers: dict[int, Array] = {}
     for t, places in groups.items():
         state = begun(model, modal, t)
         chosen = [inputs[place] for place in places]

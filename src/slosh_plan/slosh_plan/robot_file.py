@@ -76,10 +76,11 @@ class CarryingRobot:
             SloshPlanError, StoppedError: as `joint_path`.
         """
         self.check_group(waypoints, name)
+        times, points = waypoints.points(name)
         # The liquid in a round one does not turn with it.
         return joint_path(
-            self.arm, self.limits(waypoints.names), waypoints.points(name),
-            follows_yaw=container.follows_yaw, name=name, stopped=stopped,
+            self.arm, self.limits(waypoints.names), points,
+            follows_yaw=container.follows_yaw, name=name, stopped=stopped, times=times,
         )  # fmt: skip
 
     def check_group(self, waypoints: JointWaypoints, name: str) -> None:

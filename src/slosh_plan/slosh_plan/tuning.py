@@ -151,6 +151,9 @@ class PlanTuning:
     governor_still: float = number(1e-7, "m", "height below which an unknown wave is none")
     governor_nudged: float = number(1e-3, "m", "way by which others have moved a container")
     governor_memory: float = number(5.0, "period", "time over which an observer is proven")
+    governor_answered: float = number(
+        2.0, "period", "time after which an observer has answered to a motion"
+    )
     governor_driven: float = number(0.1, "1", "driven wave that proves one, by the limit")
     governor_unlike: float = number(0.35, "1", "part of it that may be missed")
     governor_pull: float = number(4.0, "1/s", "speed towards a target by the distance")

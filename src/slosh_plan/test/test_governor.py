@@ -227,7 +227,7 @@ def test_an_observed_state_near_the_models_is_taken_and_adds_its_distance():
     assert moved[-1].liquid_ns == 0
     assert moved[-1].unknown == 0.0
     # 30 ms late: of after 147 steps.
-    governor.see(SeenLiquid(147 * PERIOD_NS + 1, response.modal[147], 1e-5, 1.02))
+    governor.see(SeenLiquid(147 * PERIOD_NS + 1, response.modal[147], 1e-5, 1.02, 0.0))
     (after,) = run(governor, [(0.3, 0.0, 0.0)], 151)
     assert after.liquid_ns == 147 * PERIOD_NS + 1
     # The eight liquids already comprise this one, but for what lies between two of them.

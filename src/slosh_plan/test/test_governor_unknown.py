@@ -9,9 +9,10 @@ import pytest
 from slosh_model import Cylinder, Model, Simulator
 from slosh_model.constants import GRAVITY
 from slosh_model.tray import Tray, TrayContainer
+from slosh_plan.errors import SloshPlanError
 from slosh_plan.governor import Command, Governor, ModelDoubt, SeenLiquid
 from slosh_plan.governor.cups import cups_of, reserve_of, steps_of, table_of
-from slosh_plan.governor.layout import MODELS, PARTS_OF_ROW, SIZE
+from slosh_plan.governor.layout import PARTS_OF_ROW
 from slosh_plan.governor.unknown import Cause, UnknownWave, wave_heights
 from slosh_plan.planning.limits import PlanLimits
 
@@ -67,6 +68,12 @@ def test_heights_of_high_modes_are_kept_at_a_low_rate(radius, modes):
     assert 0.3 * limit < highest <= limit
 
 
+def test_a_frequency_error_between_whose_models_a_liquid_may_resonate_is_refused():
+    assert ModelDoubt(0.1).frequency == 0.1
+    with pytest.raises(SloshPlanError, match=r"frequency error = 0.11 must lie in 0 … 0.1"):
+        ModelDoubt(0.11)
+
+
 def test_a_governor_that_starts_is_not_safe_until_the_largest_wave_has_decayed():
     governor = Governor(CUP, LIMITS)
     moved = governor.idle(PERIOD_NS)
@@ -100,8 +107,7 @@ def test_a_clock_that_steps_leaves_the_phase_of_the_wave_unknown(stepped):
             governor.take(Command(now, (speed, 0.0, 0.0)))
             moved = governor.step(now)
             if step == 10:
-                size = int(governor._table[0, SIZE])
-                heights.append(wave_heights(governor._stores[:MODELS, :size], size).max())
+                heights.append(wave_heights(governor._mechanics.first).max())
             if step == 13:
                 told.append(moved)
     assert heights[0] == heights[1] > 0.2 * LIMITS.height
@@ -109,6 +115,42 @@ def test_a_clock_that_steps_leaves_the_phase_of_the_wave_unknown(stepped):
     turned = 2.0 * math.sin(0.5 * min(0.97 * OMEGA * period * abs(stepped), math.pi))
     assert told[1].unknown > 0.9 * turned * heights[0]
     assert told[1].unknown_cause in (Cause.LATE, Cause.CLOCK)
+
+
+@pytest.mark.parametrize(
+    ("back", "late"),
+    [((0.45, 0.45), 0.0), ((0.3,) * 3, 0.0), ((0.2,) * 5, 0.0), ((0.1,) * 9, 0.0),
+     ((0.6, 0.6), 0.0), ((0.5,) * 4, 0.0), ((0.5,), 0.5), ((0.3, 0.3), 0.5), ((0.7,), 1.2)],
+)  # fmt: skip
+def test_small_steps_of_a_clock_back_count_together(back, late):
+    """The liquid goes on as long as a step is left out, or late and taken for one on time."""
+    period, commands = 0.05, [0.3] * 9 + [-0.3] * 31
+    governor = Governor(CUP, LIMITS, period=period, at_rest=True)
+    clock, told, waves = 0.0, [], 0.0
+    for step, speed in enumerate(commands):
+        place, odd = divmod(step - 11, 2)
+        clock -= back[place] if not odd and 0 <= place < len(back) else 0.0
+        clock += late * (step == 12 + 2 * len(back))
+        now = round(1e9 * period * (20 + step + clock))
+        governor.take(Command(now, (speed, 0.0, 0.0)))
+        told.append(governor.step(now).unknown)
+        if step == 10:
+            waves = wave_heights(governor._mechanics.first).max()
+    assert told[10] == 0.0
+    turned = 2.0 * math.sin(0.5 * min(0.97 * OMEGA * period * sum(back), math.pi))
+    assert max(told) > 0.9 * turned * waves > 0.1 * LIMITS.height
+
+
+def test_jitter_of_steps_that_are_late_and_in_time_again_does_not_grow():
+    """Delays of the same size count when they are held, and once when they are made good."""
+    rng, told = np.random.default_rng(0), []
+    governor = Governor(CUP, LIMITS, period=0.05, at_rest=True)
+    for step in range(400):
+        now = round(1e9 * (1.0 + 0.05 * step + 0.0005 * rng.random()))
+        speed = 0.3 * math.sin(0.4 * step)
+        governor.take(Command(now, (speed, 0.0, 0.0)))
+        told.append(governor.step(now).unknown)
+    assert 0.0 < max(told) < 0.05 * LIMITS.height
 
 
 @pytest.mark.parametrize("late", [0.3, 0.9, 1.5, 2.5, 6.0])
@@ -172,7 +214,7 @@ def test_an_impossible_observed_state_changes_nothing_and_is_named(wrong):
     assert [str(one) for one in told[:half]] == [str(one) for one in told[half:]]
 
 
-def followed(change, seconds=3.0, **start):
+def followed(change, seconds=3.0, uncorrected=0.0, **start):
     """Returns steps, and the true heights, of a governor whose observer tells `change`d states."""
     governor, liquid = Governor(CUP, LIMITS, **start), Simulator(CUP)
     liquid.step(0.0, 0.0, 0.0, 0.0)
@@ -185,7 +227,7 @@ def followed(change, seconds=3.0, **start):
         if len(states) > 15:
             seen = change(states)
             if seen is not None:
-                assert governor.see(SeenLiquid(now, seen, 1e-4)) == ""
+                assert governor.see(SeenLiquid(now, seen, 1e-4, uncorrected=uncorrected)) == ""
         told.append(governor.step(now))
         heights.append(math.hypot(*liquid.step(0.01, *told[-1].acceleration)[:2]))
     return told, np.array(heights)
@@ -219,6 +261,13 @@ def test_an_observer_that_sees_the_liquid_ends_the_doubt_about_the_start():
     assert 0.01 * first < 2.0
     assert told[-1].unknown < 0.1 * LIMITS.height
     assert heights.max() <= LIMITS.height
+
+
+@pytest.mark.parametrize("uncorrected", [0.5, math.inf, math.nan])
+def test_an_observer_without_measurements_does_not_end_the_doubt_about_the_start(uncorrected):
+    """It is a model like the governor's: that both do alike proves nothing."""
+    told, _ = followed(lambda states: states[-1], uncorrected=uncorrected)
+    assert not any(one.safe for one in told)
 
 
 @pytest.mark.parametrize("lie", LIES)

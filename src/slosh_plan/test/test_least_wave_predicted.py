@@ -1,15 +1,18 @@
 """Tests that predictions and plans start from the smallest wave, and what rows do not tell."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from slosh_model import Cylinder, Model
+from slosh_model import Cylinder, Inputs, Model
 from slosh_model.constants import GRAVITY
 from slosh_model.motion_profiles import quintic
+from slosh_model.standing import Standing
+from slosh_model.standing_use import standing_use
 from slosh_plan import HeightLimits, Trajectory, predict
-from slosh_plan.planning.checked import Checker
+from slosh_plan.planning.checked import Checker, heights_after
 from slosh_plan.planning.time_law import PlannedMotion
 
 CUP = Model(Cylinder(radius=0.04, fill_height=0.06)).spatial().nonlinear()
@@ -74,3 +77,20 @@ def test_rows_of_poses_count_as_they_are_given():
     assert len(motion.t) > 100
     assert motion.spacing == pytest.approx(0.2)
     assert motion.scaled(2.0).spacing == pytest.approx(0.4)
+
+
+def test_robust_plans_and_their_pages_start_from_the_smallest_wave():
+    t = T[::2]
+    motion = PlannedMotion(t, np.zeros((len(t), 3)), SHAKEN[::2], np.zeros(len(t)))
+    off = replace(CUP, natural_frequency=1.3 * MODE.natural_frequency)
+    near, far = heights_after([CUP, off], motion, None)
+    assert near.max() > 0.005
+    assert far.max() < 1e-4
+
+
+def test_a_loose_container_slides_by_a_wave_that_grows():
+    standing = Standing(mass=0.01, centre_height=0.05, base_radius=0.03, friction=0.1)
+    inputs = Inputs(T[::2], SHAKEN[::2])
+    flat = standing_use(CUP, standing, Inputs(T[::2], 0.1 * SHAKEN[::2]))
+    assert flat.friction == 0.0
+    assert standing_use(CUP, standing, inputs).friction > 0.5

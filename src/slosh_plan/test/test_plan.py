@@ -11,7 +11,6 @@ from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning import optimise
 from slosh_plan.planning.checked import Checker, checked
 from slosh_plan.planning.known_laws import (
-    UNIT_LAWS,
     best_scaled,
     known_laws,
 )
@@ -19,7 +18,9 @@ from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import NoSafeMotionError, demanded, plan
 from slosh_plan.planning.progress import Watch
-from slosh_plan.planning.search import OptimalSearch, SearchedLaw
+from slosh_plan.planning.search import OptimalSearch
+from slosh_plan.planning.searched_law import SearchedLaw
+from slosh_plan.planning.unit_laws import UNIT_LAWS
 from slosh_plan.tuning import TUNING
 
 CUP = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
@@ -77,9 +78,11 @@ def test_a_covariance_gives_an_interval_that_is_wider_than_the_answer():
     answer = plan(
         replace(unsure, covariance=covariance), path_through(LINE), LIMITS, time_limit=0.0
     )
-    assert answer.found.motion.duration == known.found.motion.duration
+    assert answer.found.motion.duration > known.found.motion.duration
     peak, residual = answer.upper
     assert 1.0 < peak / answer.found.peak < 1.2
+    assert peak <= LIMITS.height
+    assert residual <= LIMITS.residual
     assert residual > answer.found.residual
 
 
@@ -139,6 +142,8 @@ def test_a_search_that_cannot_be_repeated_is_repeated_from_a_slower_start(monkey
     solve, begun = optimise.PathSearch.solve, []
 
     def second_fails(self, limits, guess, *given):
+        if not self.layout.liquids:
+            return solve(self, limits, guess, *given)
         begun.append(sum(leg.duration for leg in guess))
         if len(begun) > 1:
             return replace(solve(self, limits, guess, *given), converged=len(begun) > 2)

@@ -64,7 +64,7 @@ def test_hardly_any_tilt_is_hardly_any_gain(tilt):
 def test_a_lever_arm_counts_in_what_is_checked(tilting, check_plan):
     model = CUP.with_effect("gravity_tilt").with_effect("lever_arm", x=0.0, y=0.0, z=0.02)
     answer = plan(model, path_through(LINE), TEN)
-    assert answer.method == "optimal"
+    assert answer.method != answer.scaled.law
     assert answer.found.peak <= TEN.height
     same = answer.found.motion.acceleration.shape == tilting.found.motion.acceleration.shape
     assert not same or not np.allclose(

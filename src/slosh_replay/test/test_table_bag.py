@@ -77,7 +77,8 @@ def test_table_to_bag_to_table_gives_the_same_bits(table: MotionTable):
             return
         back = read_bag_table(bag).table
     assert told.rounded == 0
-    for name in MotionTable.__dataclass_fields__:
+    # What is doubtful in the numbers is told of the second table alone.
+    for name in MotionTable.__dataclass_fields__.keys() - {"remarks"}:
         assert same_bits(getattr(table, name), getattr(back, name)), name
 
 

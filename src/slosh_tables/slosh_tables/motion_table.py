@@ -8,16 +8,19 @@ container's +x, m) and `profile_X` (height of the surface seen from the side at 
 container's x axis, as in `profile_-0.0295`, m). A height that was not measured is `nan` or an
 empty cell. `.csv.gz` is compressed. Tables of other programs, with other names, units and marks
 between columns, are read by `text_table`, which tells what it assumed.
+
+What was told of the source of a table stands before the heading, one comment each: `# warning: …`
+where the motion is wrong by it, else `# note: …`.
 """
 
 from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -43,6 +46,7 @@ MSH = "msh"
 ETA = "eta_"
 PROFILE = "profile_"
 CHOOSE = "for other column names use --columns t=…,ax=… (other columns are then not read)"
+_WARNING, _NOTE = "warning: ", "note: "
 _BATCH = 10_000  # rows that are turned into text at a time
 
 
@@ -53,6 +57,18 @@ def is_motion_table(path: Path) -> bool:
     (True, False)
     """
     return path.name.lower().endswith(SUFFIXES)
+
+
+class Remark(NamedTuple):
+    """What was told of the source of a table.
+
+    Attributes:
+        text: one line.
+        wrong: whether the motion is wrong by it.
+    """
+
+    text: str
+    wrong: bool = False
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -78,6 +94,7 @@ class MotionTable(for_notebooks.Shown):
             [m], rising.
         profile: (N, I) measured heights of the surface there, above the still level [m], NaN
             likewise.
+        remarks: what was told of its source.
     """
 
     t: Array
@@ -89,6 +106,7 @@ class MotionTable(for_notebooks.Shown):
     eta: Array | None = None
     profile_x: Array | None = None
     profile: Array | None = None
+    remarks: tuple[Remark, ...] = ()
 
     @property
     def measured(self) -> Array | None:
@@ -132,7 +150,9 @@ class MotionTable(for_notebooks.Shown):
         )
 
 
-def read_motion_table(path: str | Path, options: TableOptions = FOUND_OUT) -> MotionTable:
+def read_motion_table(
+    path: str | Path, options: TableOptions = FOUND_OUT, *, tell_wrong: bool = True
+) -> MotionTable:
     """Reads a motion table from a file.
 
     >>> from slosh_tables import read_motion_table
@@ -142,6 +162,8 @@ def read_motion_table(path: str | Path, options: TableOptions = FOUND_OUT) -> Mo
     Args:
         path: a text file; one whose name ends in .gz is unpacked.
         options: what the user says of it, where it differs from what is written here.
+        tell_wrong: whether remarks by which the motion is wrong are told as the others are; False:
+            the caller does.
 
     Raises:
         SloshFileError: the file is missing, empty or cut off, a column is missing, unknown or
@@ -151,7 +173,11 @@ def read_motion_table(path: str | Path, options: TableOptions = FOUND_OUT) -> Mo
     table = read_table(Path(path), _check_columns, options, may_be_blank=_is_height)
     table.check_finite(_is_height)
     table.check_time()
-    return _table(table)
+    found = _table(table)
+    for remark in found.remarks:
+        if tell_wrong or not remark.wrong:
+            options.tell(f"{path}: {remark.text}")
+    return found
 
 
 def write_motion_table(path: str | Path, table: MotionTable) -> None:
@@ -175,6 +201,9 @@ def write_motion_table(path: str | Path, table: MotionTable) -> None:
     names, columns = _columns(path, table)
     data = np.column_stack(columns)
     with new_text(path) as text:
+        for remark in table.remarks:
+            line = " ".join(remark.text.split())
+            text.write(f"# {_WARNING if remark.wrong else _NOTE}{line}\n")
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(names)
         for start in range(0, len(data), _BATCH):
@@ -258,7 +287,15 @@ def _table(table: TextTable) -> MotionTable:
         eta=table.group(etas) if etas else None,
         profile_x=np.array([_place(name) for name in places]) if places else None,
         profile=table.group(places) if places else None,
+        remarks=tuple(_remarks(table.comments)),
     )
+
+
+def _remarks(comments: Iterable[str]) -> Iterator[Remark]:
+    for comment in comments:
+        for mark, wrong in ((_WARNING, True), (_NOTE, False)):
+            if comment.startswith(mark):
+                yield Remark(comment.removeprefix(mark), wrong)
 
 
 def _columns(path: Path | str, table: MotionTable) -> tuple[list[str], list[Array]]:

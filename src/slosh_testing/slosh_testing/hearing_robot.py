@@ -48,19 +48,22 @@ class HearingRobot(Graph):
         return self.health.get(node, ("", {}))[1].get(key, "")
 
     def await_ready(self, *nodes: str) -> None:
-        """Waits until nodes are ready and the recorder, if it is one, has the others' settings.
+        """Waits until nodes are ready and the recorder, if it is one, has the others' settings."""
+        for node in nodes:
+            self.until(lambda node=node: self.fact(node, STATE) == READY, node)
+        if "recorder" in nodes:
+            self.await_settings(*(node for node in nodes if node in TELLING))
+
+    def await_settings(self, *nodes: str) -> None:
+        """Waits until the recorder has the settings of nodes.
 
         The middleware may bring settings to a late reader only after three seconds, or a multiple
         of it. A recording that ends before cannot be replayed.
         """
-        for node in nodes:
-            self.until(lambda node=node: self.fact(node, STATE) == READY, node)
-        if "recorder" in nodes:
-            told = {node for node in nodes if node in TELLING}
-            self.until(
-                lambda: told <= set(self.fact("recorder", RECORDED).split(", ")),
-                f"the recorder's settings of {', '.join(sorted(told))}",
-            )
+        self.until(
+            lambda: set(nodes) <= set(self.fact("recorder", RECORDED).split(", ")),
+            f"the recorder's settings of {', '.join(sorted(nodes))}",
+        )
 
     @property
     def newest_ns(self) -> int:

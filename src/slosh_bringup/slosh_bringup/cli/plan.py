@@ -33,8 +33,8 @@ from slosh_plan.planning.limits import (
     TILT_RATE,
     PlanLimits,
 )
-from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, remarks_of, tilting
-from slosh_plan.planning.plan_tray import plan_container
+from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, model_for
+from slosh_plan.planning.plan_tray import plan_container, remarks_of
 from slosh_plan.planning.tolerance import frequency_tolerance
 from slosh_plan.tables.joint_table import write_joint_table
 from slosh_plan.tables.path_table import write_plan_table
@@ -162,11 +162,11 @@ def run(arguments: argparse.Namespace) -> int:
     except NoSafeMotionError as error:
         print(plain_line(f"slosh plan: {asked.name}: {error}"), file=sys.stderr)
         return EXIT_NONE
-    model, answer = planned.one.placed, planned.plan
-    write_results(arguments, model, answer, asked)
-    felt = tilting(model, limits, answer.path)
+    answer = planned.plan
+    felt = model_for(planned.one.placed, limits, answer.path)
+    write_results(arguments, felt, answer, asked)
     borne = frequency_tolerance(felt, answer.found.motion, answer.limits, attitude)
-    remarks = remarks_of(felt, answer)
+    remarks = remarks_of(planned, limits)
     print(
         json.dumps(facts(planned, borne) | {"remarks": remarks})
         if arguments.json

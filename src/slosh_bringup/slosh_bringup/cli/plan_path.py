@@ -96,7 +96,8 @@ def asked_path(arguments: argparse.Namespace, model: Model, tell: Teller) -> Ask
         raise SloshBringupError("--urdf and --tool-frame must be given together")
     if arguments.urdf is not None:
         return _of_joints(arguments, model, tell)
-    for option in ("joint_limits", "srdf", "group"):
+    scalings = ("velocity_scaling", "acceleration_scaling")
+    for option in ("joint_limits", "srdf", "group", *scalings):
         if getattr(arguments, option) is not None:
             name = option.replace("_", "-")
             raise SloshBringupError(f"--{name}: needs the robot: --urdf and --tool-frame")
@@ -108,7 +109,7 @@ def asked_path(arguments: argparse.Namespace, model: Model, tell: Teller) -> Ask
         waypoints = read_path_table(arguments.path, table_options(arguments))
         name = str(arguments.path)
     tell.warn(name, path_doubts(waypoints))
-    return AskedPath(name, path_through(waypoints.position), waypoints)
+    return AskedPath(name, path_through(waypoints.position, times=waypoints.t), waypoints)
 
 
 def _of_joints(arguments: argparse.Namespace, model: Model, tell: Teller) -> AskedPath:

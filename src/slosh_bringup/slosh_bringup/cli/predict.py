@@ -295,6 +295,9 @@ def _of_tray(each: TrayPrediction) -> Iterator[str]:
     )
     yield f"worst container {each.worst}" + (f" ({others})" if others else "")
     yield from each.loose_words
+    for name, one in each.containers.items():
+        if name != each.worst:
+            yield from (f"{name}: {words}" for words in validity_words(one.flags, one.growth))
 
 
 def _interval(one: Prediction) -> str:

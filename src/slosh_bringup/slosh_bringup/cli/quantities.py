@@ -8,6 +8,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+_FAR = 100.0
 _VALUE = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)\s*")
 
 
@@ -19,8 +20,9 @@ class Quantity:
         unit: of a bare number, and of what is returned.
         units: units that may follow the number, in the option's unit.
         mistaken: the unit in which people give such values by mistake.
-        least, most: between which a bare number can be meant in the option's unit; what is
-            outside, and inside in the unit `mistaken`, is asked back.
+        least, most: between which a bare number can be meant in the option's unit; one that is
+            outside, and inside in the unit `mistaken`, is asked back. A number with its unit may
+            be larger, up to _FAR times.
     """
 
     unit: str
@@ -33,8 +35,7 @@ class Quantity:
         """Parses a number with an optional unit and converts it to this type's unit.
 
         Raises:
-            argparse.ArgumentTypeError: no number, an unknown unit, or a bare number that cannot
-                be meant in the option's unit.
+            argparse.ArgumentTypeError: no number, an unknown unit, or a number out of range.
         """
         match = _VALUE.fullmatch(text)
         if match is None:
@@ -48,7 +49,9 @@ class Quantity:
             known = ", ".join(self.units)
             raise argparse.ArgumentTypeError(f"{text!r:.60}: unknown unit {unit!r:.20} ({known})")
         # 10mm is 0.01, to the last digit, where 10 * 0.001 may not be.
-        return value / round(1.0 / factor) if _whole(1.0 / factor) else value * factor
+        value = value / round(1.0 / factor) if _whole(1.0 / factor) else value * factor
+        self._check(value, _FAR)
+        return value
 
     def meaning(self, unit: str) -> str:
         """Describes how another unit converts to this type's unit."""
@@ -66,16 +69,24 @@ class Quantity:
             )
         return value
 
-    def _check(self, value: float) -> None:
-        if self.least <= value <= self.most:
+    def _check(self, value: float, far: float = 1.0) -> None:
+        least, most = far * self.least, far * self.most
+        if least <= value <= most:
             return
         unit = self.mistaken
+        told = f"{value:g} {self.unit}".rstrip()
         meant = value * self.units.get(unit, math.nan)
-        if self.least <= meant <= self.most:
-            told = f"{value:g} {self.unit}".rstrip()
-            raise argparse.ArgumentTypeError(
-                f"{told} is out of range; did you mean {value:g} {unit}, {meant:.4g}?"
-            )
+        if far == 1.0 and least <= meant <= most:
+            remedy = f"did you mean {value:g} {unit}, {meant:.4g}?"
+        else:
+            remedy = f"must be {_between(least, most)} {self.unit}".rstrip()
+        raise argparse.ArgumentTypeError(f"{told} is out of range; {remedy}")
+
+
+def _between(least: float, most: float) -> str:
+    if math.isinf(least):
+        return f"at most {most:g}"
+    return f"{least:g} to {most:g}" if math.isfinite(most) else f"at least {least:g}"
 
 
 def _whole(number: float) -> bool:
@@ -112,7 +123,7 @@ HEIGHT = length(1.0)
 """Of the liquid, as slosh_plan.limits.HIGHEST."""
 ERROR = length(0.2)
 """Of a height that a model or a person tells."""
-FRACTION = Quantity("", {"%": 1e-2}, "%", most=1.0)
+FRACTION = Quantity("", {"%": 1e-2}, "%", 0.0, 1.0)
 PERCENT = Quantity("%", {"%": 1.0})
 RATE = Quantity("Hz", {"Hz": 1.0, "kHz": 1e3, "/s": 1.0})
 SPEED = Quantity("/min", {"/min": 1.0, "1/min": 1.0, "rpm": 1.0, "Hz": 60.0})

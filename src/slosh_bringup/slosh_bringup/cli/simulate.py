@@ -102,7 +102,7 @@ def run(arguments: argparse.Namespace) -> int:
     asked = math.inf if arguments.limit is None else arguments.limit
     limits = HeightLimits(asked, rim_distance=arguments.rim_distance)
     limits.under_rim(model)  # refuses a distance that cannot be kept
-    motion = read_motion_table(arguments.motion, table_options(arguments))
+    motion = read_motion_table(arguments.motion, table_options(arguments), tell_wrong=False)
     check_span(arguments.motion, motion.t)
     check_possible(arguments.motion, motion)
     inputs = motion.inputs()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 import time
 from collections.abc import Sequence
@@ -15,11 +16,14 @@ from slosh_bag.store.retention import BagKind, Retention, StoredBag, Surplus, su
 from slosh_bag.store.stored_bags import delete, stored_bags
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.quantities import SIZE
+from slosh_bringup.errors import SloshBringupError
 from slosh_report.text_table import aligned
 
 EPILOG = """Only bags of runs are shown (RUNS/2026-11-22T10-15-00/bag), and never a running one is
 deleted; reports, logs and settings stay. While a cell runs, its recorder does the same by its
 parameters store_quota, store_days, store_event_days."""
+
+_LEAST_QUOTA = 1000.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,6 +55,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Prints the stored bags; with --delete, deletes those beyond the limits of size and age."""
+    quota = arguments.quota
+    if not (quota == 0.0 or _LEAST_QUOTA <= quota < math.inf):
+        meant = f"; did you mean {quota:g}GB?" if 0.0 < quota < _LEAST_QUOTA else ""
+        raise SloshBringupError(f"--quota: {quota:g} bytes is no size of a store{meant}")
     retention = Retention(round(arguments.quota), arguments.days, arguments.event_days)
     now = time.time()
     bags = stored_bags(arguments.runs, now)

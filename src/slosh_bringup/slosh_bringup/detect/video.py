@@ -2,7 +2,7 @@
 
 The number of images that a container announces is not what it shows: a clip trimmed on the
 telephone keeps the images before its first one (edit list), and a camera that lost images writes
-empty chunks. What counts is whether the stamps reach the end.
+empty chunks. What counts is whether the stamps reach the end, or an AVI its own.
 """
 
 from __future__ import annotations
@@ -28,10 +28,17 @@ _SLACK = 1.5
 
 
 class _Announced(NamedTuple):
-    """What a video's container says of it: number of images, and duration shown [s]."""
+    """What a video's container says of it.
+
+    Attributes:
+        images: number of them.
+        duration: that is shown [s].
+        whole: whether the file has the length that it tells; else that is not known.
+    """
 
     images: int
     duration: float
+    whole: bool
 
 
 def video_source(path: Path, asked: float | None) -> FrameSource:
@@ -59,7 +66,7 @@ def video_source(path: Path, asked: float | None) -> FrameSource:
     images = max(round(capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
     own = _rate(capture.get(cv2.CAP_PROP_FPS))
     source = FrameSource(str(path), iter(()), images or None, _rate(asked or own), [path])
-    announced = _Announced(images, edited_duration(path) or images / own)
+    announced = _Announced(images, edited_duration(path) or images / own, _is_whole_avi(path))
     source.frames = _captured(capture, source, announced, timed=asked is None)
     return source
 
@@ -113,10 +120,24 @@ def _is_cut(announced: _Announced, count: int, shown: float) -> bool:
         count: number of images read.
         shown: time from the first of them to the last [s].
     """
-    images, duration = announced
-    if count >= images - 1:
+    images, duration, whole = announced
+    if whole or count >= images - 1:
         return False
     return not shown >= duration * (1.0 - (1.0 + _SLACK) / images)
+
+
+def _is_whole_avi(path: Path) -> bool:
+    """Whether a file is an AVI whose parts end where it ends, so that nothing is cut off."""
+    size, at = path.stat().st_size, 0
+    with path.open("rb") as file:
+        while at < size:
+            file.seek(at)
+            head = file.read(12)
+            if len(head) < 12 or not head.startswith(b"RIFF") or not head[8:].startswith(b"AVI"):
+                return False
+            (length,) = struct.unpack("<I", head[4:8])
+            at += 8 + length + length % 2
+    return at in (size, size + 1)  # the last part may lack its filling
 
 
 def edited_duration(path: Path) -> float | None:

@@ -15,9 +15,9 @@ from slosh_base.files.plain_text import plain_line
 from slosh_base.types import Array
 from slosh_bringup.simulate.chart import FAR, new_picture
 from slosh_model.model import Model
-from slosh_model.simulate import simulate
 from slosh_model.tilt import attitude_of, with_tilt
 from slosh_plan import Prediction, Trajectory
+from slosh_plan.heights import highest, msh_of
 from slosh_plan.prediction import checked_horizon
 from slosh_report.page.series import envelope
 from slosh_report.page.svg import INK, LIMIT, LINEAR, NONLINEAR, SMALL, time_chart, time_ends
@@ -104,7 +104,10 @@ def _profile(
     model: Model, motion: Trajectory, answer: Prediction, horizon: float
 ) -> PredictedProfile:
     used, inputs = with_tilt(model, attitude_of(motion)), motion.inputs(horizon)
-    linear, nonlinear = (simulate(one, inputs)[0].msh for one in (used.linear(), used.nonlinear()))
+    linear, nonlinear = (
+        msh_of(model.container, highest(one, [inputs])[0].heights)
+        for one in (used.linear(), used.nonlinear())
+    )
     strength = np.linalg.norm(inputs.acceleration, axis=1)
     return PredictedProfile(inputs.t, linear, nonlinear, strength, answer)
 

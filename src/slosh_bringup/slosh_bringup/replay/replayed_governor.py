@@ -242,7 +242,8 @@ def _liquids(seen: Messages) -> list[SeenLiquid]:
         ],
         axis=1,
     )  # fmt: skip
-    columns = (seen.columns[name].tolist() for name in ("msh_stddev", "frequency_factor"))
+    names = ("msh_stddev", "frequency_factor", "uncorrected")
+    columns = (seen.columns[name].tolist() for name in names)
     return [
         SeenLiquid(stamp_ns, one, *numbers)
         for stamp_ns, one, *numbers in zip(seen.stamps.tolist(), modal, *columns, strict=True)

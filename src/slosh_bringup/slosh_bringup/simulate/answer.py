@@ -238,7 +238,9 @@ def check_possible(path: Path, motion: MotionTable) -> None:
 def doubts(model: Model, motion: MotionTable) -> tuple[InputDoubt, ...]:
     """Lists what looks wrong in a motion table; empty if nothing does."""
     sparse = rows_doubt(row_spacing(motion.t, motion.acceleration), model)
+    told = tuple(InputDoubt(remark.text) for remark in motion.remarks if remark.wrong)
     if any(doubt.wrong for doubt in sparse):
         # What such rows tell of rest and gravity says nothing.
-        return sparse
-    return (*sparse, *motion_doubts(motion.t, motion.acceleration, motion.attitude))
+        return (*told, *sparse)
+    seen = motion_doubts(motion.t, motion.acceleration, motion.attitude)
+    return (*told, *sparse, *(doubt for doubt in seen if doubt not in told))

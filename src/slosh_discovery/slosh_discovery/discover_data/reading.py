@@ -279,7 +279,8 @@ def table_motion(
     name = path.name
     for suffix in reversed(SUFFIXES):
         name = name.removesuffix(suffix)
-    return motion_of_table(path, name, read_motion_table(path, options), tell, model)
+    table = read_motion_table(path, options, tell_wrong=False)
+    return motion_of_table(path, name, table, tell, model)
 
 
 def motion_of_table(
@@ -310,7 +311,9 @@ def motion_of_table(
     gaps = gap_text(table.t, model) if model is not None else ""
     if gaps:
         tell(InputDoubt(gaps).of_file(path))
-    for doubt in motion_doubts(table.t, table.acceleration, table.attitude):
+    told = [InputDoubt(remark.text) for remark in table.remarks if remark.wrong]
+    seen = motion_doubts(table.t, table.acceleration, table.attitude)
+    for doubt in (*told, *(one for one in seen if one not in told)):
         tell(doubt.of_file(path))
     sampled, walls = _sampled(table.msh), _sampled(table.eta)
     if table.msh is None and table.eta is None and table.profile is None:

@@ -122,7 +122,7 @@ def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) 
     if not len(heights.stamps):
         raise SloshBagError(f"{path}: holds no usable height in {sources.surface}")
     motion = container.motion(path)
-    for doubt in container.doubts:
+    for doubt in (*blocks.doubts(), *container.doubts):
         tell(doubt.of_file(path))
     for line in (*reader.warnings, *left_out):
         tell(line if line.startswith(str(path)) else f"{path}: {line}")

@@ -26,8 +26,11 @@ from slosh_estimator.gate import DROPPED, GateSettings
 from slosh_estimator.held_container import EMPTY, FRESH, TRAY_PLACE, HeldContainer
 from slosh_estimator.inputs import (
     ADDED,
+    BY_POSE,
+    BY_TWIST,
     JOINTS,
     MESSAGE_TYPES,
+    ODOMETRY,
     PLACED,
     POSE_WINDOW,
     ROBOT,
@@ -136,6 +139,11 @@ PARAMETERS = (
         "smoothing", 0.0,
         "delay of the differentiated input [s], half of the window; a longer delay reduces "
         "noise and determines the polynomial's degree; 0.0: as pose_window", (0.0, 1.0),
+    ),
+    ParameterSpec(
+        ODOMETRY, BY_TWIST,
+        "what the input odometry reads of its messages: the twist, or the pose where the twist "
+        "is wrong", choices=(BY_TWIST, BY_POSE),
     ),
     ParameterSpec(
         "observer", True,

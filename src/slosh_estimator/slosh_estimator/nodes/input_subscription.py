@@ -32,7 +32,7 @@ from slosh_estimator.rotation import Vector
 from slosh_estimator.sample import Sample
 from slosh_estimator.timed_pose import TimedPose
 from slosh_estimator.transform_poses import Transform, TransformPoses
-from slosh_estimator.velocity_input import Twist, VelocityInput
+from slosh_estimator.velocity_input import OdometryPoses, Twist, VelocityInput
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import find_type
 from slosh_msgs_py.node.guarded import GuardedNode
@@ -101,6 +101,7 @@ class InputSubscription:
         self.poses = settings.poses(kind)
         row = topics.DRIVING[kind]
         self.rivalled, self.count, self.contested = False, 0, False
+        self._seen_twice = False
         self._is_shared = row.publishers is Publishers.MANY
         self._speakers = SpeakerWatch()
         self._rivals = Rivals(node, row.name, row.type)
@@ -175,23 +176,28 @@ class InputSubscription:
 
     def rivals(self) -> str:
         """Returns the names of extra publishers in one line; empty if there are none."""
-        if self._is_shared:
-            return self._too_many()
-        found = self._rivals.look()
+        found = self._too_many() if self._is_shared else self._rivals.look()
         self.rivalled = bool(found)
-        if self.contested and not found:
+        if self.contested and not found and not self._is_shared:
             name = self._node.resolve_topic_name(TOPIC_NAMES[self._kind])
             return f"a second publisher on {name}: stop one of them"
         return found
 
     def _too_many(self) -> str:
-        """Names a second publisher of the same joints in one line; empty if there is none."""
+        """Names a second publisher of the same joints in one line; empty if there is none.
+
+        What a motion has shown of it counts through rests, until there is none any more.
+        """
         if not isinstance(self.poses, JointPoses):
             return ""
         name = self._node.resolve_topic_name(TOPIC_NAMES[self._kind])
         count, gate = self._node.count_publishers(name), self.source.gate
         mixed = gate.counts[SampleVerdict.DISORDERED] + gate.counts[SampleVerdict.REPEATED]
-        if count <= self.poses.groups or MIXED * mixed <= gate.used:
+        if count <= self.poses.groups:
+            self._seen_twice = False
+            return ""
+        self._seen_twice |= self.source.contested or MIXED * mixed > gate.used
+        if not self._seen_twice:
             return ""
         return f"{count} publishers on {name} for {self.poses.groups} set of joints: stop one"
 
@@ -302,7 +308,7 @@ class InputSubscription:
         self._on_velocity(Twist(stamp, (vx, vy, vz), (wx, wy, wz), None, frame))
 
     def _on_velocity(self, twist: Twist) -> None:
-        assert isinstance(self.source, VelocityInput)
+        assert isinstance(self.source, VelocityInput | OdometryPoses)
         self._before(twist.stamp_ns)
         self._answer(twist.stamp_ns, *self.source.update_twist(twist, self._now()))
 

@@ -6,6 +6,7 @@ table alike, and costs some additions per message:
 - `Leap`: a pose that leaps away and back, as a driver sends zeros now and then. It is not used.
 - `ToAndFro`: two publishers on one topic, one of them late: single steps lead back although the
   motion leads on. A single publisher's do not, whatever its stamps say.
+- `Dropouts`: velocities that are zero now and then.
 - `Stairs`: values that are renewed at a lower rate than they are sent.
 - `TwistCheck`: a velocity that is not the change of the pose beside it.
 - `unstamped`: stamps that were never filled.
@@ -93,9 +94,14 @@ class ToAndFro:
         self.found = False
         self.raised: Doubt | None = None
         self._noun = noun
-        self._steps: deque[Vector] = deque([_NOWHERE], maxlen=TUNING.fro_window)
-        self._backs: deque[float] = deque(maxlen=TUNING.fro_window)
+        # Of the last changes: where they began, those that led back, and those larger than all
+        # later ones, whose first is the largest.
+        self._places: deque[Vector] = deque(maxlen=TUNING.fro_window)
+        self._backs: deque[tuple[int, float]] = deque()
+        self._largest: deque[tuple[int, float]] = deque()
+        self._count = 0
         self._last: Vector | None = None
+        self._step = _NOWHERE
         self._turned = False  # whether the last step led back
         self._size = self._before = 0.0  # of the last two steps
         self._noise = self._finest = math.inf
@@ -106,23 +112,35 @@ class ToAndFro:
         last, self._last = self._last, position
         if last is None:
             return
-        step = position[0] - last[0], position[1] - last[1], position[2] - last[2]
-        size = math.hypot(*step)
-        turns = sum(a * b for a, b in zip(step, self._steps[-1], strict=True)) < 0.0
-        lone = turns and self._turned
-        self._backs.append(min(self._size, max(size, self._before)) if lone else 0.0)
+        dx, dy, dz = position[0] - last[0], position[1] - last[1], position[2] - last[2]
+        size, (bx, by, bz) = math.hypot(dx, dy, dz), self._step
+        turns = dx * bx + dy * by + dz * bz < 0.0
+        number = self._count = self._count + 1
+        if turns and self._turned:
+            back = min(self._size, max(size, self._before))
+            if back > TUNING.fro_least:
+                self._backs.append((number, back))
         self._turned, self._before, self._size = turns, self._size, size
-        self._steps.append(step)
+        self._step = dx, dy, dz
+        self._places.append(last)
+        largest = self._largest
+        while largest and largest[-1][1] <= size:
+            largest.pop()
+        largest.append((number, size))
         if 0.0 < size < self._finest:
             self._finest = size  # rounded positions flicker by this
-        if len(self._steps) == TUNING.fro_window:
-            self._judge(math.hypot(*map(sum, zip(*self._steps, strict=True))))
+        if number >= TUNING.fro_window:
+            self._judge(number - TUNING.fro_window, math.dist(position, self._places[0]))
 
-    def _judge(self, way: float) -> None:
-        backs = [back for back in self._backs if back > TUNING.fro_least]
-        largest = max(math.hypot(*step) for step in self._steps)
-        if self._noise > largest:
-            self._noise = largest  # the least of any time: what a tracker at rest does
+    def _judge(self, before: int, way: float) -> None:
+        """Looks at the changes after the one with a number, which lead so far [m]."""
+        backs, largest = self._backs, self._largest
+        while backs and backs[0][0] <= before:
+            backs.popleft()
+        while largest[0][0] <= before:
+            largest.popleft()
+        if self._noise > largest[0][1]:
+            self._noise = largest[0][1]  # the least of any time: what a tracker at rest does
         if way < TUNING.fro_way:
             return
         if len(backs) < TUNING.fro_turns:
@@ -130,13 +148,51 @@ class ToAndFro:
             self.found = self.found and self._straight < TUNING.fro_over
             return
         self._straight = 0
-        mean = sum(backs) / len(backs)
+        mean = sum(back for _, back in backs) / len(backs)
         if (
             mean > TUNING.fro_noises * max(self._noise, self._finest)
             and way > TUNING.fro_leads * mean
         ):
             self.found = True
             self.raised = Doubt(f"successive {self._noun} go to and fro: {MIXED_INPUT}")
+
+
+class Dropouts:
+    """Finds velocities that are zero now and then, although the frame moves on.
+
+    A frame does not stop and go on within so few messages with such an acceleration.
+
+    Args:
+        noun: what comes, in the plural.
+    """
+
+    def __init__(self, noun: str) -> None:
+        self._noun, self._count, self._zeros = noun, 0, 0
+        self._speed, self._stamp_ns = 0.0, 0
+
+    def take(self, stamp_ns: int, velocity: Vector) -> None:
+        """Adds a velocity [m/s] with its stamp [ns]."""
+        speed = math.hypot(*velocity)
+        if speed == 0.0:
+            self._zeros += 1
+            return
+        seconds = (stamp_ns - self._stamp_ns) * 1e-9
+        slower = min(speed, self._speed)
+        if 0 < self._zeros <= TUNING.drop_most and (
+            2.0 * slower > max(TUNING.drop_acceleration * seconds, TUNING.drop_speed)
+        ):
+            self._count += self._zeros
+        self._zeros, self._speed, self._stamp_ns = 0, speed, stamp_ns
+
+    @property
+    def raised(self) -> Doubt | None:
+        """What was wrong at any time, with the remedy; None: nothing."""
+        if not self._count:
+            return None
+        return Doubt(
+            f"{self._count} of the {self._noun} are zero between others that are not: the driver "
+            "sends zeros now and then, which are jolts; mend it"
+        )
 
 
 class Stairs:
@@ -181,9 +237,9 @@ class Stairs:
         held = sorted(run[1] for run in self._runs)[len(counts) // 2]
         typical = counts[len(counts) // 2]
         steps = [run[2] for run in self._runs]
-        if (
-            way <= self._least
-        ):  # a shake at a quarter of the rate has pairs, too, but leads nowhere
+        # A shake at a quarter of the rate has pairs, too, but leads nowhere. Rounding makes pairs
+        # of what rests, and the motion after it the way: each stair must be part of it.
+        if way <= self._least or sorted(steps)[1] < TUNING.stair_share * way:
             return
         regular = typical >= 2 and counts[0] >= typical - 1 and counts[-1] <= typical + 1
         coarse = sorted(steps)[len(steps) // 2] < TUNING.stair_quanta * self._finest
@@ -207,11 +263,12 @@ class TwistCheck:
 
     Attributes:
         found: whether the last stretches show a wrong twist.
-        raised: what was wrong at any time, with the remedy; None: nothing.
+        raised: what was wrong at any time, without a remedy; None: nothing.
+        pose_tells: whether it was shown that the pose is right where the twist is wrong.
     """
 
     def __init__(self) -> None:
-        self.found = False
+        self.found = self.pose_tells = False
         self.raised: Doubt | None = None
         self._last: tuple[int, Vector, Vector] | None = None  # stamp, velocity turned, as sent
         self._start: tuple[int, Vector] | None = None
@@ -245,33 +302,35 @@ class TwistCheck:
             self._start = stamp_ns, position
             self._turned = self._sent = _NOWHERE
 
-    def _doubt(self) -> Doubt | None:
-        """Returns what is wrong, with the remedy; None: nothing, or it is not known yet."""
-        bad = [row for row in self._stretches if row[2] > TUNING.twist_error * max(row[:2])]
+    def _doubt(self) -> tuple[Doubt, bool] | None:
+        """Returns what is wrong, and whether the pose is right; None: nothing is known."""
+        bad = [row for row in self._stretches if _is_bad(*row)]
         if len(bad) < TUNING.twist_least or 2 * len(bad) < len(self._stretches):
             return None
-        way, told, _, parents = (sum(column) for column in zip(*bad, strict=True))
-        remedy = "mend the driver, or use its transforms with the input tf"
+        way, told, error, parents = (sum(column) for column in zip(*bad, strict=True))
         if told < TUNING.twist_nothing * way:
-            return Doubt(
+            text = (
                 f"the twist of the odometry stays zero while its pose moves by {way:.2g} m: the "
-                f"driver does not fill it; {remedy}"
+                "driver does not fill it"
             )
+            return Doubt(text), True
         if way < TUNING.twist_nothing * told:
-            return Doubt(
+            text = (
                 f"the pose of the odometry stands while its twist moves by {told:.2g} m: the "
-                "attitude is not known; turns are not seen",
-                wrong=False,
+                "attitude is not known; turns are not seen"
             )
-        if parents < TUNING.twist_error * way:
-            return Doubt(
+            return Doubt(text, wrong=False), False
+        if parents < TUNING.twist_error * min(way, error):
+            text = (
                 "the twist of the odometry agrees with its pose in the axes of header.frame_id; "
-                f"it must have those of child_frame_id: {remedy}"
+                "it must have those of child_frame_id"
             )
-        return Doubt(
+            return Doubt(text), True
+        text = (
             f"the twist of the odometry moves by {told:.2g} m where its pose moves by {way:.2g} "
-            f"m: unit, axes or clock of one of them is wrong; {remedy}"
+            "m: unit, axes or clock of one of them is wrong"
         )
+        return Doubt(text), False
 
     def _compare(self, way: Vector) -> None:
         """Adds a stretch: way, told way, and their differences turned and as sent [m]."""
@@ -281,9 +340,25 @@ class TwistCheck:
         self._stretches.append(
             (moved, told, math.dist(way, self._turned), math.dist(way, self._sent))
         )
-        doubt = self._doubt()
-        self.found = doubt is not None and doubt.wrong
-        self.raised = doubt or self.raised
+        found = self._doubt()
+        self.found = found is not None and found[0].wrong
+        if found is not None:
+            self.raised, pose_tells = found
+            self.pose_tells |= pose_tells
+
+
+def _is_bad(way: float, told: float, turned: float, parents: float) -> bool:
+    """Returns whether a stretch shows a wrong twist.
+
+    Args:
+        way: of the pose [m].
+        told: way of the twist [m].
+        turned: their difference, of the twist in the moving frame's axes [m].
+        parents: the same of the twist in the parent's axes [m].
+    """
+    share = turned / max(way, told)
+    better = parents < TUNING.twist_error * turned
+    return share > TUNING.twist_error or (share > TUNING.twist_slight and better)
 
 
 def unstamped(stamped: int, total: int, topic: str) -> str:

@@ -18,11 +18,11 @@ from slosh_model.potential_flow.plane_numbers import (
     DRIVEN,
     OFFSET,
     OFFSET_Y,
+    DrivenModes,
     Families,
     PlaneModes,
     along_wall,
     area_of,
-    lowest_driven,
     of_one_frequency,
     plane_matrices,
 )
@@ -58,8 +58,9 @@ def modes_without_symmetry(
         frame = math.atan2(*places[np.argmax(np.hypot(*places.T))][::-1])
     sides = [Side(turned_piece(piece, -frame), "wall") for piece in outline]
     size = outline_size(sides)
+    driven = DrivenModes(count, 6)
     numbers, (area, crests) = refined(
-        sides, lambda at: TUNING.whole * size(at), lambda mesh: _solved_whole(mesh, count),
+        sides, lambda at: TUNING.whole * size(at), lambda mesh: _solved_whole(mesh, driven),
         change=TUNING.change, most=TUNING.most_divisions,
     )  # fmt: skip
     rows, places = limit(numbers), turned_points(places, -frame)
@@ -80,7 +81,7 @@ def modes_without_symmetry(
     return found[0], found[1]
 
 
-def _solved_whole(mesh: Any, count: int) -> tuple[Array, tuple[float, list[float]]]:
+def _solved_whole(mesh: Any, search: DrivenModes) -> tuple[Array, tuple[float, list[float]]]:
     """Solves the eigenvalue problem on a mesh of a whole outline.
 
     Returns:
@@ -97,7 +98,7 @@ def _solved_whole(mesh: Any, count: int) -> tuple[Array, tuple[float, list[float
     )
     on_wall = wall.get_dofs(mesh.boundaries["wall"]).flatten()
     rows, crests = [], []
-    for value, f in _directed(stiffness, mass, offsets, spread, count):
+    for value, f in _directed(stiffness, mass, offsets, spread, search):
         f = f / f[on_wall[np.argmax(np.abs(f[on_wall]))]]
         x, y = (offsets @ f).tolist()
         rows.append((value, float(f @ (mass @ f)), x, 1.0, *along_wall(wall, f), y))
@@ -106,7 +107,7 @@ def _solved_whole(mesh: Any, count: int) -> tuple[Array, tuple[float, list[float
 
 
 def _directed(
-    stiffness: Any, mass: Any, offsets: Array, spread: Array, count: int
+    stiffness: Any, mass: Any, offsets: Array, spread: Array, search: DrivenModes
 ) -> list[tuple[float, Array]]:
     """Returns k² and shape F of the lowest driven modes, alternately nearer to x and to y."""
 
@@ -121,7 +122,7 @@ def _directed(
                     found[int(pushed[1] > pushed[0])].append((value, f))
         return found
 
-    pairs = zip(*lowest_driven(stiffness, mass, count, 6, families), strict=True)
+    pairs = zip(*search.lowest(stiffness, mass, families), strict=True)
     return [mode for pair in pairs for mode in pair]
 
 

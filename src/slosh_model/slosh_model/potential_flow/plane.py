@@ -38,11 +38,11 @@ from slosh_model.potential_flow.plane_numbers import (
     NORM,
     OFFSET,
     SQUARE,
+    DrivenModes,
     Families,
     PlaneModes,
     along_wall,
     area_of,
-    lowest_driven,
     of_one_frequency,
     plane_matrices,
 )
@@ -174,8 +174,9 @@ def _swapped(piece: Piece) -> Piece:
 def _family(
     sides: list[Side], along: bool, axis: int, scale: float, count: int, turn: float
 ) -> PlaneModes:
+    driven = DrivenModes(count, 4)
     numbers, more = refined(
-        sides, outline_size(sides), lambda mesh: _solved(mesh, along, count),
+        sides, outline_size(sides), lambda mesh: _solved(mesh, along, driven),
         change=TUNING.change, most=TUNING.most_divisions,
     )  # fmt: skip
     area, reach, crests = more
@@ -224,7 +225,9 @@ def _layer(k: float, depth: float, row: Sequence[float]) -> float:
     return 0.5 * (walls + level) / (k * math.tanh(k * depth) * row[NORM])
 
 
-def _solved(mesh: Any, along: bool, count: int) -> tuple[Array, tuple[float, float, list[float]]]:
+def _solved(
+    mesh: Any, along: bool, search: DrivenModes
+) -> tuple[Array, tuple[float, float, list[float]]]:
     """Solves the eigenvalue problem on a mesh; returns mode constants, area and crest heights."""
     fem = library()
     inside, wall = bases(mesh, "wall")
@@ -235,7 +238,7 @@ def _solved(mesh: Any, along: bool, count: int) -> tuple[Array, tuple[float, flo
     # Odd modes vanish on the axis across which they are odd.
     still = mesh.boundaries.get(ACROSS_AXIS if along else ALONG_AXIS, np.array([], dtype=int))
     free = inside.complement_dofs(inside.get_dofs(still))
-    modes = _driven(stiffness[free][:, free], mass[free][:, free], offset[free], spread, count)
+    modes = _driven(stiffness[free][:, free], mass[free][:, free], offset[free], spread, search)
     on_wall = wall.get_dofs(mesh.boundaries["wall"]).flatten()
     rows, crests, place = [], [], -1
     for value, own in modes:
@@ -254,7 +257,7 @@ def _solved(mesh: Any, along: bool, count: int) -> tuple[Array, tuple[float, flo
 
 
 def _driven(
-    stiffness: Any, mass: Any, offset: Array, spread: float, count: int
+    stiffness: Any, mass: Any, offset: Array, spread: float, search: DrivenModes
 ) -> list[tuple[float, Array]]:
     """Returns the lowest modes that an acceleration excites, scaled to ∫F² = 1."""
 
@@ -263,7 +266,7 @@ def _driven(
         chosen = np.flatnonzero((shares > DRIVEN) & (values > 1e-6))
         return [[(float(values[n]), vectors[:, n]) for n in chosen]]
 
-    (found,) = lowest_driven(stiffness, mass, count, 4, families)
+    (found,) = search.lowest(stiffness, mass, families)
     return found
 
 

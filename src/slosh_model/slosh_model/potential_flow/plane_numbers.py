@@ -22,6 +22,8 @@ Families = Sequence[list[tuple[float, Array]]]
 """Modes by the axis along which they are driven: k² and F of each."""
 _SAME = 2e-3
 """Relative difference of k² below which two modes count as of one frequency."""
+_SPARE = 4
+"""Modes that are asked for beyond the last driven one, lest their order differs on a mesh."""
 
 
 class PlaneModes(NamedTuple):
@@ -54,38 +56,54 @@ def plane_matrices(inside: Any) -> tuple[Any, Any]:
     return stiffness.assemble(inside), mass.assemble(inside)
 
 
-def lowest_driven(
-    stiffness: Any, mass: Any, count: int, each: int, families: Callable[[Array, Array], Families]
-) -> Families:
-    """Returns the lowest modes that a horizontal acceleration excites, by group (such as axis).
+class DrivenModes:
+    """Finds the lowest modes that a horizontal acceleration excites, on one mesh after another.
 
-    Asks for more modes until enough of them are driven.
+    Of a long outline, those across it come after hundreds along it. Where they lie among them is
+    found on the first, coarse mesh; the finer ones ask for as many modes as they need.
 
     Args:
-        stiffness, mass: of the eigenvalue problem.
         count: number of modes of each family.
         each: modes that are asked for at first for each of these.
-        families: chooses and groups the driven ones by eigenvalues and vectors with ∫F² = 1.
-
-    Raises:
-        SloshModelError: too few of the first MOST_SEARCHED modes are driven.
     """
-    most = min(MOST_SEARCHED, stiffness.shape[0] - 2)
-    wanted = min(each * count, most)
-    while True:
-        values, vectors = lowest(stiffness, mass, wanted, below=-1.0)
-        vectors = vectors / np.sqrt((vectors * (mass @ vectors)).sum(axis=0))
-        found = families(values, vectors)
-        fewest = min(map(len, found))
-        if fewest >= count:
-            return [family[:count] for family in found]
-        if wanted == most:
-            raise SloshModelError(
-                f"modes: only {fewest} of the first {wanted} of this outline are driven by an "
-                "acceleration along each axis; ask for fewer modes",
-                ("modes",),
-            )
-        wanted = min(2 * wanted, most)
+
+    def __init__(self, count: int, each: int) -> None:
+        self._count = count
+        self._wanted = each * count
+
+    def lowest(
+        self, stiffness: Any, mass: Any, families: Callable[[Array, Array], Families]
+    ) -> Families:
+        """Returns the lowest driven modes, by group (such as axis).
+
+        Asks for more modes until enough of them are driven.
+
+        Args:
+            stiffness, mass: of the eigenvalue problem.
+            families: chooses and groups the driven ones by eigenvalues and vectors with ∫F² = 1.
+
+        Raises:
+            SloshModelError: too few of the first MOST_SEARCHED modes are driven.
+        """
+        most = min(MOST_SEARCHED, stiffness.shape[0] - 2)
+        while True:
+            wanted = min(self._wanted, most)
+            values, vectors = lowest(stiffness, mass, wanted, below=-1.0)
+            vectors = vectors / np.sqrt((vectors * (mass @ vectors)).sum(axis=0))
+            found = families(values, vectors)
+            fewest = min(map(len, found))
+            if fewest >= self._count:
+                chosen = [family[: self._count] for family in found]
+                last = max(family[-1][0] for family in chosen)
+                self._wanted = min(wanted, int(np.sum(values <= last * (1.0 + _SAME))) + _SPARE)
+                return chosen
+            if wanted == most:
+                raise SloshModelError(
+                    f"modes: only {fewest} of the first {wanted} of this outline are driven by an "
+                    "acceleration along each axis; ask for fewer modes",
+                    ("modes",),
+                )
+            self._wanted = 2 * wanted
 
 
 def area_of(inside: Any) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
@@ -9,6 +10,10 @@ from typing import NamedTuple
 from slosh_base.types import Array
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.governor.layout import LIGHT
+
+MOST_FREQUENCY = 0.1
+"""Largest error of a frequency. The models' frequencies are too far apart above: a liquid between
+two of them resonates with a motion that both do without."""
 
 
 class GovernorState(IntEnum):
@@ -61,12 +66,14 @@ class SeenLiquid(NamedTuple):
         stddev: standard deviation of its height [m].
         frequency_factor: natural frequency over the model's, of which heights by displacement
             are the square.
+        uncorrected: time since the last measurement that it uses [s]; NaN: unknown.
     """
 
     stamp_ns: int
     modal: Array
     stddev: float
     frequency_factor: float = 1.0
+    uncorrected: float = math.nan
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,8 +96,10 @@ class ModelDoubt:
     damping: float = 2.0
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.frequency <= 0.3:
-            raise SloshPlanError(f"frequency error = {self.frequency!r} must lie in 0 … 0.3")
+        if not 0.0 <= self.frequency <= MOST_FREQUENCY:
+            raise SloshPlanError(
+                f"frequency error = {self.frequency!r} must lie in 0 … {MOST_FREQUENCY:g}"
+            )
         if not 1.0 <= self.damping <= 10.0:
             raise SloshPlanError(f"damping factor = {self.damping!r} must lie in 1 … 10")
 

@@ -31,13 +31,20 @@ class Look(NamedTuple):
     own: Array
     seen: Array
 
+    @property
+    def apart(self) -> Array:
+        """Slow amplitude (2,) by which they differ [m]."""
+        found: Array = self.seen - self.own
+        return found
+
 
 class Witness:
     """Tells how far observed states are from the models, and whether the observer sees the liquid.
 
     An observer sees the liquid if its state changes as the models' do when the container drives
     them: a camera that is frozen, mirrored, turned, late or of another scale does not. Where the
-    container hardly moves nothing is proven.
+    container hardly moves nothing is proven. Without measurements an observer is a model as the
+    governor's: its state changes alike whatever the liquid does, so that nothing is proven either.
 
     Args:
         scale: (MODELS,) frequency factors of the models.
@@ -50,13 +57,12 @@ class Witness:
         self._looks: deque[Look] = deque()
         self._driven = self._missed = self._watched = self._least = 0.0
 
-    def look(self, liquid: SeenLiquid, past: PastLiquid, size: int) -> float:
+    def look(self, liquid: SeenLiquid, past: PastLiquid) -> float:
         """Compares an observed state with those of the models then.
 
         Args:
             liquid: the state.
             past: of the models.
-            size: of a model's store.
 
         Returns:
             the height of the wave by which it differs from the nearest model [m]; NaN: it is of a
@@ -66,8 +72,8 @@ class Witness:
         if stores is None:
             return math.nan
         scales = (liquid.frequency_factor / self._scale) ** 2
-        distance = float(wave_heights(stores, size, liquid.modal, scales).min())
-        mode = divided(stores[0, :size])[1][0]
+        distance = float(wave_heights(stores, liquid.modal, scales).min())
+        mode = divided(stores[0])[1][0]
         own = np.array([[mode["x"], mode["y"], mode["vx"], mode["vy"]]])
         t, omega = liquid.stamp_ns / SECOND, float(mode["natural_frequency"])
         turn = cmath.exp(-1j * math.fmod(omega * t, 2.0 * math.pi))
@@ -76,28 +82,42 @@ class Witness:
             turn * gains * (row[0, :2] - 1j * row[0, 2:] / omega)
             for row in (own, scales[0] * liquid.modal)
         ]
+        if not liquid.uncorrected <= self._wave:
+            self._forget()
         self._compare(Look(t, distance, *slow), liquid.stddev)
         return distance
 
     def _compare(self, look: Look, stddev: float) -> None:
-        """Adds to the evidence how both have changed within a period of the wave."""
+        """Adds to the evidence how the models have changed in a period, and how differently both.
+
+        Measurements of a motion come later than it, and an observer follows them gradually: until
+        then it tells what its own model does. So the difference is taken some periods later, too.
+        """
         looks = self._looks
         before = looks[-1].t if looks else look.t
         if not 0.0 <= look.t - before < self._wave:
-            looks.clear()
-            self._driven = self._missed = self._watched = 0.0
+            self._forget()
         looks.append(look)
-        while len(looks) > 1 and looks[1].t <= look.t - self._wave:
+        later = TUNING.governor_answered * self._wave
+        while len(looks) > 1 and looks[1].t <= look.t - later - self._wave:
             looks.popleft()
-        if looks[0].t > look.t - self._wave:
+        if looks[0].t > look.t - later - self._wave:
             return
+        moved = next(one for one in reversed(looks) if one.t <= look.t - later)
         step = look.t - before
         left = math.exp(-step / (TUNING.governor_memory * self._wave))
-        own, seen = look.own - looks[0].own, look.seen - looks[0].seen
-        self._driven = left * self._driven + step * float((np.abs(own) ** 2).sum())
-        self._missed = left * self._missed + step * float((np.abs(seen - own) ** 2).sum())
+        first = looks[0]
+        driven = float((np.abs(moved.own - first.own) ** 2).sum())
+        missed = max(float((np.abs(one.apart - first.apart) ** 2).sum()) for one in (moved, look))
+        self._driven = left * self._driven + step * driven
+        self._missed = left * self._missed + step * missed
         self._watched = left * self._watched + step
         self._least = max(TUNING.governor_driven * self._limit, 4.0 * stddev)
+
+    def _forget(self) -> None:
+        """Forgets the evidence."""
+        self._looks.clear()
+        self._driven = self._missed = self._watched = 0.0
 
     @property
     def highest(self) -> float:

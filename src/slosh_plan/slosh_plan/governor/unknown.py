@@ -204,7 +204,6 @@ def largest_wave(cup: Cup) -> float:
 
 def wave_heights(
     stores: Array,
-    size: int,
     modal: Array | None = None,
     scales: Array | None = None,
     *,
@@ -214,14 +213,13 @@ def wave_heights(
 
     Args:
         stores: (M, …) of the models of a container.
-        size: of a model's store.
         modal: (modes, 4) x, y, vx, vy of the masses from which the difference is taken; None: 0.
         scales: (M,) factors of it for each model.
         seconds: the difference is that from the waves up to this time [s] later.
     """
-    lead = size - divided(stores[0, :size])[1].shape[0] * MODE.itemsize // 8
-    modes = np.ascontiguousarray(stores[:, lead:size]).view(MODE)
-    run = divided(stores[0, :size])[0][0]
+    runs, own = divided(stores[0])
+    modes = np.ascontiguousarray(stores[:, -len(own) * MODE.itemsize // 8 :]).view(MODE)
+    run = runs[0]
     other = np.zeros((1, 4)) if modal is None else modal
     factor = np.ones((len(stores), 1)) if scales is None else scales[:, np.newaxis]
     omega, ratio = modes["natural_frequency"], modes["frequency_ratio"]
@@ -241,8 +239,3 @@ def chord(angles: Array) -> Array:
     """Returns the greatest change of a unit vector that turns by up to angles [rad]."""
     found: Array = 2.0 * np.sin(0.5 * np.minimum(angles, math.pi))
     return found
-
-
-def usual_share(period: float, wave: float) -> float:
-    """Returns the share with which a step's lead changes the usual one, over a wave's period."""
-    return 1.0 - math.exp(-period / wave)

@@ -19,7 +19,7 @@ from slosh_model.batch import wall_heights
 from slosh_model.model import Model
 from slosh_model.motion_profiles import LAWS
 from slosh_model.simulate import Inputs
-from slosh_plan.heights import first_period, msh_of
+from slosh_plan.heights import first_period, highest, msh_of
 from slosh_plan.motion_map.profile import COUNT, Profile, moments, spline
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.tuning import TUNING
@@ -117,8 +117,8 @@ def heights(model: Model, stroke: Stroke, profile: Law, speed: float) -> StrokeH
     cycles = TUNING.map_constants * decay / stroke.cycle(speed)
     cycles = math.ceil(min(max(cycles, TUNING.map_fewest), TUNING.map_most))
     inputs = stroke.inputs(profile, speed, cycles)
-    (both,) = wall_heights(model, [inputs])
-    msh = msh_of(model.container, both)
+    (found,) = highest(model, [inputs])
+    msh = msh_of(model.container, found.heights)
     msh = np.where(np.isfinite(msh), msh, math.inf)
     dwells = np.mod(inputs.t, stroke.cycle(speed)) > stroke.duration(speed)
     dwells[-1] = True

@@ -179,8 +179,11 @@ class GovernorNode(PreparedNode):
             self._unseen = "modal_position and modal_velocity of different or odd lengths"
         else:
             self._unseen = self._core.see(
-                SeenLiquid(stamp_ns, modal, message.msh_stddev, message.frequency_factor)
-            )
+                SeenLiquid(
+                    stamp_ns, modal, message.msh_stddev, message.frequency_factor,
+                    message.uncorrected,
+                )
+            )  # fmt: skip
         if self._unseen:
             self._report.counts["fused_estimate refused"] += 1
 

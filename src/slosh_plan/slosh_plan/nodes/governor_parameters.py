@@ -5,6 +5,7 @@ from __future__ import annotations
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.parameters import ParameterSpec
 from slosh_plan.governor import ModelDoubt
+from slosh_plan.governor.commands import MOST_FREQUENCY
 from slosh_plan.governor.parameters import POSITION, VELOCITY
 from slosh_plan.nodes.robot_parameters import JOINT_LIMITS
 from slosh_plan.planning.limits import ACCELERATION, JERK
@@ -33,7 +34,7 @@ PARAMETERS = (
     ),
     ParameterSpec(
         "frequency_error", ModelDoubt().frequency,
-        "error of the natural frequency that is allowed for, relative", (0.0, 0.3),
+        "error of the natural frequency that is allowed for, relative", (0.0, MOST_FREQUENCY),
     ),
     ParameterSpec(
         "damping_factor", ModelDoubt().damping,

@@ -69,7 +69,7 @@ class RequestedPath:
         """
         if self.joints is None:
             assert self.waypoints is not None
-            return path_through(self.waypoints.position, stopped)
+            return path_through(self.waypoints.position, stopped, self.waypoints.t)
         given, robot = self.joints
         return robot.path(given, model.container, NAME, stopped)
 

@@ -33,7 +33,7 @@ from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.predict_messages import given
 from slosh_plan.nodes.robot_parameters import JOINT_LIMITS, TOOL_AND_GROUP
 from slosh_plan.planning.plan import TIME_LIMIT
-from slosh_plan.planning.plan_tray import check_plan_from, check_states, plan_container
+from slosh_plan.planning.plan_tray import check_plan_from, check_states, plan_container, remarks_of
 from slosh_plan.planning.progress import PlanProgress, Watch
 from slosh_plan.robot_file import robot_of
 
@@ -217,7 +217,9 @@ class PlannerNode(PreparedNode):
         message = plan_messages.plan_message(answer, request, asked)
         message.container = container
         of = f", for container {container}" if container else ""
-        return message, f"{duration}, {words}{of}"
+        told = remarks_of(planned, limits)
+        remarks = f"; remarks: {', '.join(told)}" if told else ""
+        return message, f"{duration}, {words}{of}{remarks}"
 
     def _health(self) -> Health:
         busy = ", a plan is under way" if self._busy.locked() else ""

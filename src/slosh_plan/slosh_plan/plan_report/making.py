@@ -6,9 +6,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from slosh_base.types import Array
-from slosh_model import Inputs, Model, wall_heights
+from slosh_model import Inputs, Model
 from slosh_plan.errors import SloshPlanError
-from slosh_plan.heights import msh_of
+from slosh_plan.heights import highest_of_each, msh_of
 from slosh_plan.plan_report.data import PlanReport, ShownMotion
 from slosh_plan.planning.checked import CheckedMotion, attitudes, checked
 from slosh_plan.planning.plan import Plan
@@ -94,7 +94,7 @@ def height_band(model: Model, found: CheckedMotion, attitude: Array | None) -> A
     inputs = Inputs(t, acceleration, turned)
     below, above = np.zeros((2, len(t)))
     for pair in variants:
-        both = wall_heights(list(pair), [inputs, inputs])
+        both = highest_of_each(pair, inputs)
         change = np.stack([msh_of(model.container, heights) for heights in both]) - found.msh
         below += np.minimum(change.min(axis=0), 0.0) ** 2
         above += np.maximum(change.max(axis=0), 0.0) ** 2

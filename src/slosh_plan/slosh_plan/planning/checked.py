@@ -10,18 +10,22 @@ from typing import NamedTuple
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_model import Inputs, Model, wall_heights
+from slosh_model import Inputs, Model
 from slosh_model.standing import Standing
 from slosh_model.standing_use import StandingUse, standing_use
 from slosh_model.tray import TrayContainer
-from slosh_plan.heights import first_period, highest, msh_of
+from slosh_plan.heights import first_period, highest, highest_of_each, msh_of
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.prediction import ModelError, principal_variants
 
 PERIODS = 8.0
 """Of the first mode that are looked at after a motion's end."""
+GLANCED = 1.0
+"""The same for motions that are only looked at."""
 TOLERANCE = 1e-9
+LEFT = 1e-6
+"""Share of a height limit that is left, so that a prediction of what is written keeps it, too."""
 
 
 class LooseContainer(NamedTuple):
@@ -82,14 +86,19 @@ class CheckedMotion:
         used = {**self.joints, **self.standing}
         shares |= {name: share / getattr(limits, name) - 1.0 for name, share in used.items()}
         return shares | {
-            "height": self.upper / limits.height - 1.0,
-            "residual": self.residual_upper / limits.residual - 1.0,
+            "height": self.upper / limits.height - 1.0 + LEFT,
+            "residual": self.residual_upper / limits.residual - 1.0 + LEFT,
             "tilt": self.tilt / limits.tilt - 1.0 if self.tilt > 0.0 else -1.0,
         }
 
     def keeps(self, limits: PlanLimits, tolerance: float = TOLERANCE) -> bool:
         """Returns whether the motion keeps every limit within a relative tolerance."""
         return max(self.excess(limits).values()) <= tolerance
+
+
+def error_of(model: Model, error: ModelError | None) -> ModelError | None:
+    """Returns a model's measured error; 0 beside a covariance where it is not known."""
+    return ModelError() if error is None and model.covariance is not None else error
 
 
 def horizon(model: Model) -> float:
@@ -117,17 +126,24 @@ class Checker:
     scenarios: tuple[Model, ...] = ()
     loose: LooseContainer | None = None
 
-    def __call__(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
-        """Returns motions with the maximum heights that their simulation gives."""
-        found = self._found(self.model, motions)
+    def __call__(
+        self, motions: Sequence[PlannedMotion], periods: float = PERIODS
+    ) -> list[CheckedMotion]:
+        """Returns motions with the maximum heights that their simulation gives.
+
+        Args:
+            motions: the motions.
+            periods: of the first mode that are looked at after their ends.
+        """
+        found = self._found(self.model, motions, periods)
         for scenario in self.scenarios:
-            others = self._found(scenario, motions)
+            others = self._found(scenario, motions, periods)
             found = [_higher(*pair) for pair in zip(found, others, strict=True)]
         if self.error is None:
             return found
         spread = np.zeros((len(motions), 2))
         for variant in principal_variants(self.model):
-            one, other = (checked(twin, motions, self.attitude) for twin in variant)
+            one, other = (checked(twin, motions, self.attitude, periods) for twin in variant)
             spread += [_squared(*pair) for pair in zip(one, other, strict=True)]
         return [
             replace(
@@ -139,9 +155,11 @@ class Checker:
             for one, (peak, after) in zip(found, np.sqrt(spread).tolist(), strict=True)
         ]
 
-    def _found(self, model: Model, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
+    def _found(
+        self, model: Model, motions: Sequence[PlannedMotion], periods: float
+    ) -> list[CheckedMotion]:
         """Simulates motions with a model; computes friction and base use of a loose container."""
-        found = checked(model, motions, self.attitude)
+        found = checked(model, motions, self.attitude, periods)
         if self.loose is None:
             return found
         uses = [standing_uses([model], one, self.attitude, self.loose) for one in motions]
@@ -150,8 +168,8 @@ class Checker:
         ]
 
     def glance(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
-        """Simulates motions without parameter uncertainty: a quick lower bound of heights."""
-        return replace(self, model=replace(self.model, covariance=None))(motions)
+        """Simulates motions shortly and without uncertainty: a quick lower bound of heights."""
+        return replace(self, model=replace(self.model, covariance=None))(motions, GLANCED)
 
 
 class AllContainers(NamedTuple):
@@ -214,7 +232,10 @@ def _squared(one: CheckedMotion, other: CheckedMotion) -> tuple[float, float]:
 
 
 def checked(
-    model: Model, motions: Sequence[PlannedMotion], attitude: Array | None
+    model: Model,
+    motions: Sequence[PlannedMotion],
+    attitude: Array | None,
+    periods: float = PERIODS,
 ) -> list[CheckedMotion]:
     """Simulates motions that start with liquid at rest; returns their maximum heights.
 
@@ -222,8 +243,10 @@ def checked(
         model: the model.
         motions: any number.
         attitude: (4,) quaternion that the container keeps; None: upright.
+        periods: of the first mode that are looked at after their ends.
     """
-    inputs = [_with_rest(motion, horizon(model), attitude) for motion in motions]
+    seconds = periods * first_period(model)
+    inputs = [_with_rest(motion, seconds, attitude) for motion in motions]
     return [
         _checked(motion, _finite(msh_of(model.container, one.heights)))
         for motion, one in zip(motions, highest(model, inputs), strict=True)
@@ -241,7 +264,7 @@ def heights_after(
         attitude: (4,) quaternion that the container keeps; None: upright.
     """
     inputs = _with_rest(motion, horizon(models[0]), attitude)
-    for model, heights in zip(models, wall_heights(models, inputs), strict=True):
+    for model, heights in zip(models, highest_of_each(models, inputs), strict=True):
         yield _finite(msh_of(model.container, heights))
 
 

@@ -57,7 +57,7 @@ class LegUnknowns:
     @property
     def end(self) -> int:
         """Index after the last unknown of this leg of the path."""
-        return int(self.middles[-1, -1]) + 1
+        return self.duration + 1 + self.states.size + self.controls.size + self.middles.size
 
     @property
     def of_intervals(self) -> Indices:

@@ -103,6 +103,7 @@ def joint_path(
     follows_yaw: bool = False,
     name: str = "the path",
     stopped: Callable[[], bool] = never,
+    times: Array | None = None,
 ) -> Path:
     """Creates the container's path from a joint path through waypoints of the joints.
 
@@ -113,6 +114,7 @@ def joint_path(
         follows_yaw: whether the liquid's axes turn with the container.
         name: for messages.
         stopped: whether somebody wants to end it.
+        times: (N,) at which a motion passes the points, rising [s]; None: they are not known.
 
     Raises:
         SloshPlanError: as `smooth_path`; joints that carry the container and are missing; a point
@@ -121,7 +123,7 @@ def joint_path(
     """
     joints = limits.names
     arm.check_joints(joints, name)
-    path = smooth_path(points, joints, stopped)
+    path = smooth_path(points, joints, stopped, times)
     limits.check_positions(np.asarray(points, dtype=np.float64), name)
     for leg in path.legs:
         (curve,) = leg.at(np.linspace(0.0, leg.length, POINTS), 0)

@@ -19,62 +19,25 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
 from slosh_base.types import Array
-from slosh_model.motion_profiles import cycloidal, modified_trapezoid, quintic
+from slosh_model.motion_profiles import quintic
 from slosh_plan.planning.checked import CheckedMotion
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Leg, Path
 from slosh_plan.planning.progress import Watch, never
-from slosh_plan.planning.time_law import STEP, Law, PlannedMotion, motion_along, whole_rows
+from slosh_plan.planning.time_law import (
+    STEP,
+    Law,
+    PlannedMotion,
+    motion_along,
+    whole_rows,
+)
+from slosh_plan.planning.unit_laws import UNIT_LAWS, UnitLaw
 from slosh_plan.tuning import TUNING
-
-UnitLaw = Callable[[Array], tuple[Array, Array, Array]]
 
 Make = Callable[[float, float], PlannedMotion]
 """Duration and step between rows [s] to a motion."""
 LONGEST = TUNING.longest_law
 _TOGETHER = 16
-
-
-def septic(u: Array) -> tuple[Array, Array, Array]:
-    """Evaluates 35u⁴ − 84u⁵ + 70u⁶ − 20u⁷, which has a continuous jerk."""
-    u = np.clip(u, 0.0, 1.0)
-    rest = 1.0 - u
-    place = u**4 * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u)))
-    rate = 140.0 * (u * rest) ** 3
-    return place, rate, 420.0 * (u * rest) ** 2 * (1.0 - 2.0 * u)
-
-
-def _steady(share: float) -> UnitLaw:
-    """Returns a time law with constant speed between two smooth ramps, for curved paths."""
-
-    def law(u: Array) -> tuple[Array, Array, Array]:
-        u = np.clip(u, 0.0, 1.0)
-        second = u > 0.5
-        x = np.minimum(np.where(second, 1.0 - u, u) / share, 1.0)
-        top = 1.0 / (1.0 - share)
-        ramp = x**4 * (2.5 + x * (x - 3.0))
-        past = np.maximum(np.where(second, 1.0 - u, u) - share, 0.0)
-        place = top * (share * ramp + past)
-        change = 30.0 * (x * (1.0 - x)) ** 2 * top / share
-        return (
-            np.where(second, 1.0 - place, place),
-            top * x**3 * (10.0 + x * (6.0 * x - 15.0)),
-            np.where(second, -change, change),
-        )
-
-    return law
-
-
-UNIT_LAWS: Mapping[str, UnitLaw] = MappingProxyType(
-    {
-        "quintic": quintic,
-        "septic": septic,
-        "cycloidal": cycloidal,
-        "modified trapezoidal": modified_trapezoid,
-        "steady, 30 % ramps": _steady(0.3),
-        "steady, 15 % ramps": _steady(0.15),
-    }
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +138,7 @@ def known_laws(path: Path, limits: PlanLimits | None = None) -> dict[str, KnownL
         return found
     for words, pace in paces.items():
         legs = tuple(PacedLeg(leg, pace) for leg in path.legs)
-        least = [_least(_alone(path, leg).motion, limits) for leg in legs]
+        least = [shortest(_alone(path, leg).motion, limits) for leg in legs]
         shares = tuple(time / sum(least) for time in least)
         found |= {
             f"{name}{words}, legs by their limits": KnownLaw(path, unit, legs, shares)
@@ -242,35 +205,63 @@ def fastest(
         longest: duration that is not reached [s].
         stopped: whether to end without an answer.
     """
-    durations = _durations(_least(make, limits), longest)
+    least, before = shortest(make, limits), 0.0
+    durations = _durations(least, longest)
     while some := list(islice(durations, _TOGETHER)):
-        coarse = [
-            make(duration, duration / math.ceil(duration / TUNING.coarse)) for duration in some
-        ]
-        for duration, glance in zip(some, check.glance(coarse), strict=True):
-            if not glance.keeps(limits, TUNING.nearly):
-                continue
-            if stopped():
-                return None
-            (found,) = check([make(duration, STEP)])
-            if found.keeps(limits):
-                return found
+        found = _first_kept(check, make, limits, some, stopped)
+        if found is not None:
+            # What lies between it and the one before.
+            duration = found.motion.duration
+            before = max((one for one in some if one < duration), default=before)
+            between = _between(before or least, duration)
+            return _first_kept(check, make, limits, between, stopped) or found
         if stopped():
             return None
+        before = some[-1]
+    return None
+
+
+def _first_kept(
+    check: Check,
+    make: Make,
+    limits: PlanLimits,
+    durations: Sequence[float],
+    stopped: Callable[[], bool],
+) -> CheckedMotion | None:
+    """Returns the first motion that keeps the limits; None if none does, or it was stopped."""
+    coarse = [make(one, one / math.ceil(one / TUNING.coarse)) for one in durations]
+    for duration, glance in zip(durations, check.glance(coarse), strict=True):
+        if not glance.keeps(limits, TUNING.nearly):
+            continue
+        if stopped():
+            return None
+        (found,) = check([make(duration, STEP)])
+        if found.keeps(limits):
+            return found
     return None
 
 
 def _durations(least: float, longest: float) -> Iterator[float]:
-    duration = whole_rows(least)
-    while duration < longest:
+    """Yields rising durations [s], the last one just below the longest."""
+    duration, last = whole_rows(least), STEP * round(longest / STEP - 1.0)
+    while duration < last:
         yield duration
         ratio = TUNING.law_ratio if duration < TUNING.long else TUNING.long_ratio
         duration = whole_rows(max(ratio * duration, duration + STEP))
+    if whole_rows(least) <= last < longest:
+        yield last
 
 
-def _least(make: Make, limits: PlanLimits) -> float:
+def _between(shorter: float, longer: float) -> list[float]:
+    """Returns durations between two [s], whole rows each."""
+    rows = np.arange(math.floor(shorter / STEP + 1e-6) + 1, round(longer / STEP))
+    found: list[float] = (STEP * rows[:: -(-len(rows) // _TOGETHER) or 1]).tolist()
+    return found
+
+
+def shortest(make: Make, limits: PlanLimits) -> float:
     """Returns the shortest duration [s] that the limits of speed, acceleration and jerk allow."""
-    trial = 4.0
+    trial = 2.0
     motion = make(trial, STEP)
     acceleration = float(np.linalg.norm(motion.acceleration, axis=1).max())
     steps = np.linalg.norm(np.diff(motion.acceleration, axis=0), axis=1)

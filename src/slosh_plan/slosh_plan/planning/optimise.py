@@ -199,7 +199,7 @@ class PathSearch:
                     float(duration[0]),
                     states.reshape(-1, layout.size) * layout.scale,
                     controls.reshape(-1, layout.driven) * layout.control_scale,
-                    middles.reshape(-1, layout.waves) * layout.scale[layout.liquid],
+                    middles.reshape(count, layout.waves) * layout.scale[layout.liquid],
                 )
             )
         return tuple(legs)

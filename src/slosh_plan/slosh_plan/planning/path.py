@@ -25,6 +25,7 @@ from slosh_plan.planning.joint_demands import JointDemands
 from slosh_plan.planning.progress import StoppedError, never
 from slosh_plan.tuning import TUNING
 
+_FARTHEST = 1e6  # m, rad
 MOST_POINTS = 200_000
 KEPT = TUNING.kept
 DEGREE = TUNING.degree
@@ -77,12 +78,15 @@ class Path:
         departure: farthest that the path lies from straight lines between the waypoints [m], of
             joints [rad or m].
         tilts: whether the container tilts along it.
+        given: place along each leg over the time that was given with its points, from rest to
+            rest [s to m]; empty: no such times were given.
     """
 
     legs: tuple[Leg, ...]
     reversals: tuple[bool, ...]
     departure: float
     tilts: bool = False
+    given: tuple[BSpline, ...] = ()
 
     @property
     def length(self) -> float:
@@ -90,7 +94,9 @@ class Path:
         return sum(leg.length for leg in self.legs)
 
 
-def path_through(points: Array, stopped: Callable[[], bool] = never) -> Path:
+def path_through(
+    points: Array, stopped: Callable[[], bool] = never, times: Array | None = None
+) -> Path:
     """Creates the smooth path through waypoints of the container.
 
     >>> path = path_through(np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.3, 0.2, 0.0]]))
@@ -100,25 +106,32 @@ def path_through(points: Array, stopped: Callable[[], bool] = never) -> Path:
     Args:
         points: (N, 3) positions [m].
         stopped: whether somebody wants to end it.
+        times: (N,) at which a motion passes them, rising [s]; None: they are not known.
 
     Raises:
         SloshPlanError: fewer than two different points, too many, one that is not finite, too
             many corners, or points that no smooth curve follows.
         StoppedError: it was stopped before its end.
     """
-    path = smooth_path(points, "xyz", stopped)
+    path = smooth_path(points, "xyz", stopped, times)
     if path.length < TUNING.shortest_path:
         raise SloshPlanError(f"the path is {1e3 * path.length:g} mm long, less than 1 mm")
     return path
 
 
-def smooth_path(points: Array, names: Sequence[str], stopped: Callable[[], bool] = never) -> Path:
+def smooth_path(
+    points: Array,
+    names: Sequence[str],
+    stopped: Callable[[], bool] = never,
+    times: Array | None = None,
+) -> Path:
     """Creates smooth curves through points of any dimension, parameterised by length.
 
     Args:
         points: (N, D) [m], of turning joints [rad].
         names: (D,) of the columns.
         stopped: whether somebody wants to end it.
+        times: (N,) at which a motion passes the points, rising [s]; None: they are not known.
 
     Raises:
         SloshPlanError: as `path_through`.
@@ -135,13 +148,15 @@ def smooth_path(points: Array, names: Sequence[str], stopped: Callable[[], bool]
         )
     if len(points) > MOST_POINTS:
         raise SloshPlanError(f"{len(points)} waypoints are more than {MOST_POINTS}: take fewer")
-    bad = np.argwhere(~np.isfinite(points))
+    bad = np.argwhere(~(np.abs(points) <= _FARTHEST))
     if len(bad):
         row, column = bad[0]
         raise SloshPlanError(
-            f"waypoint {row} has {names[column]} = {points[row, column]}: it must be finite"
+            f"waypoint {row} has {names[column]} = {points[row, column]}: it must be finite and "
+            f"at most {_FARTHEST:g}"
         )
-    distinct = _distinct(points)
+    rows = _distinct(points)
+    distinct = points[rows]
     if len(distinct) < 2:
         raise SloshPlanError(f"the path has no length: its {len(points)} waypoints coincide")
     corners, reversals = _corners(distinct)
@@ -154,20 +169,53 @@ def smooth_path(points: Array, names: Sequence[str], stopped: Callable[[], bool]
     bounds = [0, *corners, len(distinct) - 1]
     parts = [distinct[a : b + 1] for a, b in pairwise(bounds)]
     tangents = _tangents(parts, reversals)
-    legs = tuple(_leg(part, *ends, stopped) for part, ends in zip(parts, tangents, strict=True))
+    found = [_leg(part, *ends, stopped) for part, ends in zip(parts, tangents, strict=True)]
+    legs = tuple(leg for leg, _ in found)
     departure = max(_departure(leg, part) for leg, part in zip(legs, parts, strict=True))
-    return Path(legs, reversals, departure)
+    given: tuple[BSpline, ...] = ()
+    if times is not None:
+        moments = np.asarray(times, dtype=np.float64)[rows]
+        each = [moments[a : b + 1] for a, b in pairwise(bounds)]
+        given = _given(each, [places for _, places in found])
+    return Path(legs, reversals, departure, given=given)
 
 
-def _distinct(points: Array) -> Array:
-    """Removes path points that repeat the previous point, but keeps the last point."""
+def _given(times: list[Array], places: list[Array]) -> tuple[BSpline, ...]:
+    """Returns splines of the place over time, at rest at the ends of every leg.
+
+    Returns:
+        one for each leg; none where the given motion does not run forwards from rest to rest.
+    """
+    still: Any = [(1, 0.0), (2, 0.0)]
+    ends: Any = (still, still)
+    found = []
+    for t, s in zip(times, places, strict=True):
+        if not (np.isfinite(t).all() and (np.diff(t) > 0.0).all()):
+            return ()
+        at, count = t - t[0], TUNING.fewest_knots
+        while True:
+            rows = np.searchsorted(at, np.linspace(0.0, at[-1], count)[1:-1])
+            rows = np.unique(np.concatenate([[0], rows, [len(at) - 1]]))
+            law = make_interp_spline(at[rows], s[rows], k=DEGREE, bc_type=ends)
+            if len(rows) == len(at) or np.abs(law(at) - s).max() <= 0.5 * KEPT:
+                break
+            count *= 2
+        rate = law.derivative()(np.linspace(0.0, at[-1], TUNING.fine))
+        if rate.min() < -TUNING.ended * s[-1] / at[-1]:
+            return ()
+        found.append(law)
+    return tuple(found)
+
+
+def _distinct(points: Array) -> list[int]:
+    """Returns the rows of points that do not repeat the previous one, and that of the last."""
     kept = [0]
     for row in range(1, len(points)):
         if not _near(points[row], points[kept[-1]]):
             kept.append(row)
     if len(kept) > 1:
         kept[-1] = len(points) - 1 if _near(points[-1], points[kept[-1]]) else kept[-1]
-    return points[kept]
+    return kept
 
 
 def _near(one: Array, other: Array) -> bool:
@@ -203,8 +251,8 @@ def _tangents(parts: list[Array], reversals: tuple[bool, ...]) -> list[Ends]:
 
 def _leg(
     points: Array, first: Array | None, last: Array | None, stopped: Callable[[], bool]
-) -> Leg:
-    """Creates a spline through a leg's points, parameterised by its own length."""
+) -> tuple[Leg, Array]:
+    """Returns a spline through a leg's points, by its own length, and their places along it."""
     if stopped():
         raise StoppedError(
             "stopped before a safe motion was found, while the path through the waypoints was "
@@ -224,7 +272,7 @@ def _leg(
         spline = _thinned(places, dense, first, last, tolerance=0.2 * KEPT)
     else:
         spline = _thinned(at, points, first, last)
-    return Leg(spline, float(lengths[-1]))
+    return Leg(spline, float(lengths[-1])), at
 
 
 def _thinned(

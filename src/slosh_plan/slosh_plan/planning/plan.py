@@ -9,7 +9,8 @@ the search goes on, until the simulation keeps all of them.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,14 +20,23 @@ from slosh_model import Model
 from slosh_model.for_notebooks import Shown, height_axes, table
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning import optimise
-from slosh_plan.planning.checked import CheckedMotion, Checker, LooseContainer, attitudes, horizon
-from slosh_plan.planning.known_laws import LONGEST, Check, Scaled, best_scaled, known_laws
+from slosh_plan.planning.checked import (
+    CheckedMotion,
+    Checker,
+    LooseContainer,
+    attitudes,
+    error_of,
+    horizon,
+)
+from slosh_plan.planning.final_check import Kept, broken
+from slosh_plan.planning.given_law import all_laws
+from slosh_plan.planning.known_laws import LONGEST, Check, Scaled, TimeLaw, best_scaled
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import StoppedError, Watch
-from slosh_plan.planning.search import Found, Legs, OptimalSearch
-from slosh_plan.planning.time_law import PlannedMotion
-from slosh_plan.prediction import ModelError, Prediction, predict
+from slosh_plan.planning.search import Found, OptimalSearch
+from slosh_plan.planning.searched_law import Legs
+from slosh_plan.prediction import ModelError, predict
 from slosh_plan.trajectory import Trajectory
 from slosh_plan.validity import validity_words
 
@@ -55,7 +65,7 @@ class Plan(Shown):
         limits: as asked for, and the container's rim where it is lower.
         margin: by which the heights were to stay below [m].
         error: of the model, for which more was kept: the upper ends of the heights' intervals keep
-            the limits; None: none was asked for.
+            the limits; None: nothing is known of it.
         method: 'optimal', or the name of the known or searched law that was slowed.
         reason: why there is no optimal law; empty: there is one.
         upper: upper ends of the intervals (95 %) of the peak and of the height after the end [m],
@@ -66,6 +76,7 @@ class Plan(Shown):
         attitude: (4,) that the container keeps; None: not turned.
         distance_to_rim: vertical, left by the highest place of the surface [m]; NaN: unknown.
         legs: the search's result, from which another search may start; empty: there is none.
+        laws: that were tried, and what searches found, which need not keep the limits.
     """
 
     found: CheckedMotion
@@ -81,6 +92,7 @@ class Plan(Shown):
     attitude: Array | None = None
     distance_to_rim: float = math.nan
     legs: Legs = ()
+    laws: Mapping[str, TimeLaw] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         found = self.found
@@ -129,22 +141,24 @@ def plan(
     time_limit: float = TIME_LIMIT,
     watch: Watch | None = None,
     loose: LooseContainer | None = None,
+    laws: Mapping[str, TimeLaw] | None = None,
 ) -> Plan:
     """Plans the fastest rest-to-rest motion along a path within limits, for liquid at rest.
 
     Args:
-        model: the model; the search knows its first mode, the check all of it. Where the
-            container may tilt, `gravity_tilt` is added if it is missing.
+        model: the model, whose NL twin is planned for; the search knows its first mode, the check
+            all of it. Where the container may tilt, `gravity_tilt` is added if it is missing.
         path: the path.
         limits: to keep; the container's rim is a limit of the height, too.
         attitude: (4,) quaternion x, y, z, w that the container keeps: upright; None: not turned.
         margin: by which the heights stay below their limits [m].
-        error: the model's measured error; with it the upper ends of the heights' intervals, as
-            `predict` tells them, keep the limits, also for the covariance of the model's
-            parameters where there is one. None: the heights themselves keep them.
+        error: the model's measured error; with it, or with a covariance of the model's
+            parameters, the upper ends of the heights' intervals keep the limits, as `predict`
+            tells them. None: it is not known.
         time_limit: after which the search ends with what it has [s].
         watch: is told how far the plan has come, and ends it with what it has; None: nobody does.
         loose: how the container stands on a tray; None: it is held.
+        laws: that are tried beside the search, as `all_laws` gives them; None: these.
 
     Raises:
         NoSafeMotionError: no known law keeps the limits, however slow.
@@ -153,20 +167,41 @@ def plan(
     """
     watch = watch or Watch()
     limits = limits.under_rim(model)
+    error = error_of(model, error)
     check, kept, nominal, yaw = demanded(model, path, limits, attitude, margin, error, loose)
-    scaled = fastest_law(check, path, kept, watch)
+    watch.enter("known laws")
+    if laws is None:
+        laws = all_laws(path, kept, time_limit - watch.elapsed, watch.stopped)
+    scaled = fastest_law(check, laws, kept, watch)
     found = Found(scaled.found, words=HOW_TO_GET)
     if optimise.available():
         search = OptimalSearch(check, path, kept, nominal, yaw, scaled, time_limit, watch)
-        found = search.run()
+        found, laws = search.run(), {**laws, **search.laws}
+    kept_by = [Kept(check.model, limits, loose)]
+    if words := _broken(found.motion, path, limits, attitude, kept_by):
+        found = Found(scaled.found, words=f"the searched motion was refused: {words}")
+        if words := _broken(found.motion, path, limits, attitude, kept_by):
+            raise NoSafeMotionError(f"the planned motion failed its last check: {words}")
     best = found.motion
     assert best is not None
     method = "optimal" if found.legs else found.law or scaled.law
-    upper = (best.upper, best.residual_upper) if error else _upper(check, best.motion)
+    upper = (best.upper, best.residual_upper) if error else None
     return Plan(
         best, limits, margin, error, method, found.words, upper, scaled, path, watch.elapsed,
-        attitude, distance_to_rim(model, best), found.legs,
+        attitude, distance_to_rim(model, best), found.legs, laws,
     )  # fmt: skip
+
+
+def _broken(
+    found: CheckedMotion | None,
+    path: Path,
+    limits: PlanLimits,
+    attitude: Array | None,
+    containers: Sequence[Kept],
+) -> str:
+    """Describes what an answer does not keep; see `broken`."""
+    assert found is not None
+    return broken(found.motion, path, limits, attitude, containers)
 
 
 def demanded(
@@ -189,7 +224,7 @@ def demanded(
     """
     kept = limits.lowered(margin)
     nominal = _nominal(kept, error)
-    check = Checker(tilting(model, limits, path), attitude, error, (), loose)
+    check = Checker(model_for(model, limits, path), attitude, error, (), loose)
     return check, kept, nominal, upright_yaw(attitude)
 
 
@@ -198,15 +233,16 @@ def distance_to_rim(model: Model, found: CheckedMotion) -> float:
     return float(model.container.wall.place(found.peak).distance_to_rim)
 
 
-def fastest_law(check: Check, path: Path, limits: PlanLimits, watch: Watch) -> Scaled:
-    """Returns the fastest standard time law that keeps the limits.
+def fastest_law(
+    check: Check, laws: Mapping[str, TimeLaw], limits: PlanLimits, watch: Watch
+) -> Scaled:
+    """Returns the fastest of several time laws that keeps the limits.
 
     Raises:
         NoSafeMotionError: no known law keeps the limits, however slow.
         StoppedError: the watch ended the search before there was any.
     """
-    watch.enter("known laws")
-    scaled = best_scaled(check, limits, known_laws(path, limits), watch)
+    scaled = best_scaled(check, limits, laws, watch)
     if scaled is not None:
         return scaled
     if watch.stopped():
@@ -218,8 +254,8 @@ def fastest_law(check: Check, path: Path, limits: PlanLimits, watch: Watch) -> S
     )
 
 
-def tilting(model: Model, limits: PlanLimits, path: Path) -> Model:
-    """Returns the model for planning, with gravity along the floor if the container may tilt.
+def model_for(model: Model, limits: PlanLimits, path: Path) -> Model:
+    """Returns the nonlinear model, as `predict` takes it, with gravity if the container may tilt.
 
     Raises:
         SloshPlanError: the joints determine the attitude, and yet the container may tilt.
@@ -229,6 +265,7 @@ def tilting(model: Model, limits: PlanLimits, path: Path) -> Model:
             "the joints determine how the container tilts: plan their path without a limit of "
             "the tilt"
         )
+    model = model.nonlinear()
     return model.with_gravity_tilt() if limits.tilt > 0.0 or path.tilts else model
 
 
@@ -241,30 +278,19 @@ def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:
     )
 
 
-def _upper(check: Checker, motion: PlannedMotion) -> tuple[float, float] | None:
-    """Returns the 95 % intervals' upper ends of peak and residual height [m]; None if unknown."""
-    if check.model.covariance is None:
-        return None
-    found = _predicted(check.model, motion, check.attitude)
-    return found.upper, found.residual_upper
-
-
-def remarks_of(model: Model, answer: Plan) -> list[str]:
+def plan_remarks(model: Model, answer: Plan) -> list[str]:
     """Returns what `predict` remarks on the motion of a plan.
 
     Args:
         model: for which it was planned.
         answer: the plan.
     """
-    found = _predicted(replace(model, covariance=None), answer.found.motion, answer.attitude)
-    return validity_words(found.flags, found.growth)
-
-
-def _predicted(model: Model, motion: PlannedMotion, attitude: Array | None) -> Prediction:
-    turned = attitudes(motion, attitude, len(motion.t))
+    motion = answer.found.motion
+    turned = attitudes(motion, answer.attitude, len(motion.t))
     trajectory = Trajectory(motion.t, motion.acceleration, turned, name="plan")
-    (found,) = predict(model, trajectory, horizon=horizon(model))
-    return found
+    bare = replace(model, covariance=None)
+    (found,) = predict(bare, trajectory, horizon=horizon(model))
+    return validity_words(found.flags, found.growth)
 
 
 def upright_yaw(attitude: Array | None) -> float:

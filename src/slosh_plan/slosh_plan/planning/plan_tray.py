@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import NamedTuple
@@ -16,9 +16,12 @@ from slosh_plan.planning.checked import (
     Checker,
     LooseContainer,
     attitudes,
+    error_of,
     horizon,
 )
-from slosh_plan.planning.known_laws import LONGEST, TimeLaw, best_scaled, known_laws
+from slosh_plan.planning.final_check import Kept, broken
+from slosh_plan.planning.given_law import all_laws
+from slosh_plan.planning.known_laws import LONGEST, TimeLaw, best_scaled
 from slosh_plan.planning.likely import NEEDED
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
@@ -27,25 +30,24 @@ from slosh_plan.planning.plan import (
     NoSafeMotionError,
     Plan,
     distance_to_rim,
+    model_for,
     plan,
-    tilting,
-    upright_yaw,
+    plan_remarks,
 )
 from slosh_plan.planning.progress import Watch
 from slosh_plan.planning.robust import LikelyHeights, likely_use, plan_robust
-from slosh_plan.planning.search import SearchedLaw
+from slosh_plan.planning.searched_law import SEARCHED
 from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.prediction import ModelError, Prediction, check_start
 from slosh_plan.start import LiquidStates, state_of
 from slosh_plan.trajectory import Trajectory
 from slosh_plan.tray import TrayPrediction, check_present, limits_of, predict_tray
+from slosh_plan.validity import validity_words
 
 MOST = 8
 """Plans that are tried."""
 LOWERED = 0.98
 """A limit that did not do is lowered by what was exceeded, and to this share."""
-ROUNDING = 1e-6
-"""A plan and its prediction differ by this share at most."""
 
 
 class TrayPlan(NamedTuple):
@@ -117,7 +119,7 @@ def plan_tray(
         tried.append(answer)
         found, use = judge(answer.plan.found.motion)
         worst = max(use, key=lambda name: use[name])
-        if use[worst] <= 1.0 + ROUNDING:
+        if use[worst] <= 1.0:
             best = answer._replace(found=found)
             break
         lowered[one] *= LOWERED / use[worst]
@@ -126,6 +128,8 @@ def plan_tray(
         failed = f"{worst} exceeds its own by {100.0 * (use[worst] - 1.0):.0f} %"
     best = _faster(judge, tried, best)
     if best is not None:
+        if words := _broken(judge, best.plan):
+            raise NoSafeMotionError(f"the planned motion failed its last check: {words}")
         return best
     if len(tried) < MOST:
         raise NoSafeMotionError(f"no motion keeps the limits of container {one}")
@@ -169,9 +173,9 @@ class _Judge(NamedTuple):
             tuple(
                 (
                     Checker(
-                        tilting(each.placed, self.limits, path),
+                        model_for(each.placed, self.limits, path),
                         self.attitude,
-                        self.error,
+                        error_of(each.model, self.error),
                         loose=LooseContainer.of(each),
                     ),
                     limits_of(each, self.limits).under_rim(each.placed).lowered(self.margin),
@@ -181,8 +185,22 @@ class _Judge(NamedTuple):
         )
 
 
+def _broken(judge: _Judge, answer: Plan) -> str:
+    """Describes what an answer does not keep, of all containers; see `broken`."""
+    limits = judge.limits
+    containers = [
+        Kept(
+            model_for(each.placed, limits, answer.path),
+            limits_of(each, limits).under_rim(each.placed),
+            LooseContainer.of(each),
+        )
+        for each in judge.tray.present
+    ]
+    return broken(answer.found.motion, answer.path, limits, judge.attitude, containers)
+
+
 def _faster(judge: _Judge, tried: list[TrayPlan], best: TrayPlan | None) -> TrayPlan | None:
-    """Returns the fastest of the known laws and the slowed plans, where it is faster than `best`.
+    """Returns the fastest of all laws that the plans tried, where it is faster than `best`.
 
     Args:
         judge: of all containers.
@@ -193,12 +211,10 @@ def _faster(judge: _Judge, tried: list[TrayPlan], best: TrayPlan | None) -> Tray
         return best
     first = tried[0]
     path, one = first.plan.path, first.one
-    standard = known_laws(path, judge.limits)
-    laws: dict[str, TimeLaw] = {**standard}
+    laws = {**_standard(first.plan)}
     for n, each in enumerate(tried, start=1):
-        if each.plan.legs:
-            yaw = upright_yaw(judge.attitude)
-            laws[f"searched law {n}, slowed"] = SearchedLaw(path, yaw, each.plan.legs)
+        searched = each.plan.laws.items() - _standard(each.plan).items()
+        laws |= {f"{name} for {each.one.name}, plan {n}": law for name, law in searched}
     check = judge.checkers(one, path)
     longest = LONGEST if best is None else best.plan.found.motion.duration
     _, kept = check.each[0]
@@ -208,17 +224,24 @@ def _faster(judge: _Judge, tried: list[TrayPlan], best: TrayPlan | None) -> Tray
             return best
         found, use = judge(law.found.motion)
         worst = max(use.values())
-        if worst <= 1.0 + ROUNDING:
+        if worst <= 1.0:
             own = check.each[0][0]([law.found.motion])[0]
-            known = replace(law, found=own) if law.law in standard else first.plan.scaled
+            standard = law.law in _standard(first.plan)
+            known = replace(law, found=own) if standard else first.plan.scaled
             plan_ = replace(
                 first.plan, found=own, limits=limits_of(one, judge.limits).under_rim(one.placed),
                 method=law.law, scaled=known, reason="it keeps all containers, and is faster",
-                upper=None, legs=(), distance_to_rim=distance_to_rim(one.placed, own),
+                upper=(own.upper, own.residual_upper) if first.plan.error else None, legs=(),
+                distance_to_rim=distance_to_rim(one.placed, own),
             )  # fmt: skip
             return TrayPlan(plan_, one, found)
         kept = replace(kept, height=kept.height / worst, residual=kept.residual / worst)
     return best
+
+
+def _standard(answer: Plan) -> dict[str, TimeLaw]:
+    """Returns the laws that a plan tried and that do not stem from its search."""
+    return {name: law for name, law in answer.laws.items() if not name.startswith(SEARCHED)}
 
 
 def plan_container(
@@ -251,6 +274,10 @@ def plan_container(
         if one.model.covariance is None:
             raise SloshPlanError(f"container {one.name}: {NEEDED}" if one.name else NEEDED)
 
+    laws: Mapping[str, TimeLaw] | None = None
+    if tray.is_tray:
+        laws = all_laws(path, limits, time_limit - watch.elapsed, watch.stopped)
+
     def make(one: TrayContainer, kept: PlanLimits) -> TrayPlan:
         watch.forget()
         left = time_limit
@@ -260,7 +287,7 @@ def plan_container(
         found = planner(
             one.placed, path, kept, attitude=attitude, margin=margin,
             error=errors(one.model.name), time_limit=left, watch=watch,
-            loose=LooseContainer.of(one),
+            loose=LooseContainer.of(one), laws=laws,
         )  # fmt: skip
         if isinstance(found, Plan):
             return TrayPlan(found, one)
@@ -272,6 +299,20 @@ def plan_container(
         tray, limits, make, attitude=attitude, margin=margin,
         error=errors(tray.first.model.name), robust=robust,
     )  # fmt: skip
+
+
+def remarks_of(planned: TrayPlan, limits: PlanLimits) -> list[str]:
+    """Returns what `predict` remarks on the motion of a plan, of a tray with containers' names.
+
+    Args:
+        planned: the plan.
+        limits: that it was made with.
+    """
+    if planned.found is None:
+        model = model_for(planned.one.placed, limits, planned.plan.path)
+        return plan_remarks(model, planned.plan)
+    each = planned.found.containers.items()
+    return [f"{name}: {w}" for name, one in each for w in validity_words(one.flags, one.growth)]
 
 
 def check_states(tray: Tray, limits: PlanLimits, states: LiquidStates) -> None:

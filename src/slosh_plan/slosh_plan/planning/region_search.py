@@ -27,7 +27,8 @@ from slosh_plan.planning.checked import (
 from slosh_plan.planning.likely import LikelyModels
 from slosh_plan.planning.limits import STANDING_LIMITS, PlanLimits
 from slosh_plan.planning.optimise import PathSearch
-from slosh_plan.planning.search import Legs, OptimalSearch, lowered, resumed, waves_of
+from slosh_plan.planning.search import OptimalSearch, lowered, resumed, waves_of
+from slosh_plan.planning.searched_law import Legs
 from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.prediction import ModelError
 from slosh_plan.tuning import TUNING

@@ -6,6 +6,7 @@ covariance of their errors. Each motion is simulated with 1,000 models of it; se
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -13,7 +14,8 @@ from slosh_base.types import Array
 from slosh_model.model import Model
 from slosh_plan.limits import HeightLimits
 from slosh_plan.planning.checked import LooseContainer
-from slosh_plan.planning.known_laws import Scaled
+from slosh_plan.planning.final_check import Kept, broken
+from slosh_plan.planning.known_laws import Scaled, TimeLaw
 from slosh_plan.planning.likely import likely_models
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
@@ -24,8 +26,8 @@ from slosh_plan.planning.plan import (
     demanded,
     distance_to_rim,
     fastest_law,
+    model_for,
     plan,
-    tilting,
 )
 from slosh_plan.planning.progress import Watch
 from slosh_plan.planning.region_search import (
@@ -85,26 +87,27 @@ def plan_robust(
     time_limit: float = TIME_LIMIT,
     watch: Watch | None = None,
     loose: LooseContainer | None = None,
+    laws: Mapping[str, TimeLaw] | None = None,
 ) -> RobustPlan:
     """Plans a motion that keeps its limits for all likely parameters of the model.
 
     Args:
         model: the model, with the covariance of its parameters.
-        path, limits, attitude, margin, error, time_limit, watch, loose: as of `plan`.
+        path, limits, attitude, margin, error, time_limit, watch, loose, laws: as of `plan`.
 
     Raises:
         NoSafeMotionError: no motion keeps the limits for all of them.
         SloshPlanError: the model has no covariance, and as of `plan`.
     """
     watch = watch or Watch()
-    likely = likely_models(tilting(model, limits, path))
+    likely = likely_models(model_for(model, limits, path))
     bare, kept = replace(model, covariance=None), limits
     for one in (bare, *likely.models):
         # A fuller container has a nearer rim.
         kept = kept.under_rim(one)
     nominal = plan(
         bare, path, kept, attitude=attitude, margin=margin, error=error, watch=watch, loose=loose,
-        time_limit=watch.elapsed + TUNING.nominal_share * time_limit,
+        time_limit=watch.elapsed + TUNING.nominal_share * time_limit, laws=laws,
     )  # fmt: skip
     watch.forget()
     check, own, reduced, yaw = demanded(bare, path, kept, attitude, margin, error, loose)
@@ -117,8 +120,10 @@ def plan_robust(
         found = region.run(nominal.found, nominal.legs)
     known, law = None, found.judged
     if law is None or found.words:
-        known, law = _known_law(region, law)
+        known, law = _known_law(region, law, nominal.laws)
     best = law.motion
+    if words := broken(best.motion, path, kept, attitude, [Kept(check.model, kept, loose)]):
+        raise NoSafeMotionError(f"the planned motion failed its last check: {words}")
     answer = replace(
         nominal, found=best, method=nominal.method if known is None else known.law,
         reason=found.words, upper=(best.upper, best.residual_upper),
@@ -133,12 +138,15 @@ def plan_robust(
     return RobustPlan(answer, heights)
 
 
-def _known_law(region: RegionSearch, best: Judged | None) -> tuple[Scaled | None, Judged]:
-    """Returns the fastest safe standard law (None if slower than `best`), and the faster motion.
+def _known_law(
+    region: RegionSearch, best: Judged | None, laws: Mapping[str, TimeLaw]
+) -> tuple[Scaled | None, Judged]:
+    """Returns the fastest safe law (None if slower than `best`), and the faster motion.
 
     Args:
         region: the search.
         best: the fastest motion so far; None: there is none.
+        laws: the laws.
 
     Raises:
         NoSafeMotionError: there is neither.
@@ -148,7 +156,7 @@ def _known_law(region: RegionSearch, best: Judged | None) -> tuple[Scaled | None
     for _ in range(TUNING.robust_laws):
         scenarios = tuple(region.likely.models[place] for place in chosen)
         check = replace(check, scenarios=scenarios)
-        scaled = fastest_law(check, search.path, search.limits, search.watch)
+        scaled = fastest_law(check, laws, search.limits, search.watch)
         if best is not None and scaled.found.motion.duration >= best.motion.motion.duration:
             return None, best
         found = region.judged(scaled.found)

@@ -21,19 +21,14 @@ from slosh_plan.planning.known_laws import LONGEST, Scaled, best_scaled
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.loose_terms import LooseTerms
 from slosh_plan.planning.optimise import LegGuess, PathSearch, PathSolution
-from slosh_plan.planning.path import Leg, Path
+from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import Watch
-from slosh_plan.planning.time_law import (
-    STEP,
-    JerkLaw,
-    PlannedMotion,
-    Tilt,
-    motion_along,
-    whole_rows,
-)
+from slosh_plan.planning.searched_law import SEARCHED, Legs, SearchedLaw, guess_of
+from slosh_plan.planning.time_law import PlannedMotion, whole_rows
 from slosh_plan.tuning import TUNING
 
-Legs = tuple[LegGuess, ...]
+WORTH = 0.998
+"""Part of the time of an optimal law from which on a slowed one takes its place."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,57 +51,6 @@ class Found:
     def duration(self) -> float:
         """Duration of the motion [s], or infinity if none was found."""
         return math.inf if self.motion is None else self.motion.motion.duration
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SearchedLaw:
-    """The time law of a search's result, slowed evenly to any duration.
-
-    Attributes:
-        path: the path.
-        yaw: of the container [rad].
-        legs: the result; it need not keep any limit.
-    """
-
-    path: Path
-    yaw: float
-    legs: Legs
-
-    @property
-    def duration(self) -> float:
-        """Duration of the result [s]; it may be any number."""
-        return sum(leg.duration for leg in self.legs)
-
-    @property
-    def whole(self) -> bool:
-        """Whether it runs forwards from rest to rest, as an ended search's result may not."""
-        for law, leg in zip(self.laws(self.duration), self.path.legs, strict=True):
-            nodes = law.nodes()
-            ended = abs(nodes[-1, 1]) * law.duration < TUNING.ended * leg.length
-            if not (ended and np.isfinite(nodes).all() and np.diff(nodes[:, 0]).min() > -1e-6):
-                return False
-        return True
-
-    def durations(self, duration: float) -> tuple[float, ...]:
-        """Returns the durations of the legs for a total duration [s]."""
-        return tuple(leg.duration * duration / self.duration for leg in self.legs)
-
-    def laws(self, duration: float) -> list[JerkLaw]:
-        """Returns the time laws of the legs for a total duration [s]."""
-        factor = duration / self.duration
-        return [
-            _law_of(found, leg).stretched(factor)
-            for found, leg in zip(self.legs, self.path.legs, strict=True)
-        ]
-
-    def motion(self, duration: float, step: float = STEP) -> PlannedMotion:
-        """Creates the motion with a total duration and a sample interval [s]."""
-        laws = self.laws(duration)
-        motion = motion_along(self.path, laws, [law.duration for law in laws], step)
-        if self.legs[0].tilts:
-            factor = duration / self.duration
-            motion = replace(motion, tilt=_tilt_of(self.legs, factor, motion.t, self.yaw))
-        return motion
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,15 +97,18 @@ class OptimalSearch:
         best = best if best.legs else replace(best, words=last)
         return self._slowed(best)
 
+    @property
+    def laws(self) -> dict[str, SearchedLaw]:
+        """All that was found and runs from rest to rest, by names."""
+        laws = (SearchedLaw(self.path, self.yaw, legs) for legs in self.tried)
+        return {f"{SEARCHED} {n}": law for n, law in enumerate(laws, start=1) if law.whole}
+
     def _slowed(self, best: Found) -> Found:
         """Returns the fastest of the searched laws that keeps the limits when slowed evenly."""
-        laws = {
-            f"searched law {n}, slowed": SearchedLaw(self.path, self.yaw, legs)
-            for n, legs in enumerate(self.tried, start=1)
-        }
-        faster = {name: law for name, law in laws.items()
-                  if 0.0 < law.duration < best.duration and law.whole}  # fmt: skip
-        found = best_scaled(self.check, self.limits, faster, self.watch, best.duration)
+        longest = best.duration * (WORTH if best.legs else 1.0)
+        faster = {f"{name}, slowed": law for name, law in self.laws.items()
+                  if law.duration < longest}  # fmt: skip
+        found = best_scaled(self.check, self.limits, faster, self.watch, longest)
         if found is None:
             return best
         words = best.words or "the search exceeded a limit"
@@ -169,11 +116,12 @@ class OptimalSearch:
 
     def _starts(self) -> Iterator[tuple[PathSearch, Legs]]:
         """Yields optimisations with constant attitude, each with an initial guess."""
-        duration = self.scaled.found.motion.duration
-        problem = self.problem(self.scaled.known.durations(duration), tilting=False)
+        known, motion = self.scaled.known, self.scaled.found.motion
+        problem = self.problem(known.durations(motion.duration), tilting=False)
+        waves = waves_of([self.check.model], motion)
         for n, factor in enumerate(TUNING.starts, start=1):
             self.watch.enter(f"search {n} of {len(TUNING.starts)}")
-            yield problem, guess_of(self.check.model, self.path, self.scaled, problem, factor)
+            yield problem, guess_of(known, motion.duration, problem, factor, waves)
 
     def _tilted(self, upright: Found) -> Found:
         """Optimises the motion with tilt, starting from the upright motion."""
@@ -265,40 +213,14 @@ class OptimalSearch:
         return "the search's time was up" if late else "the search was stopped"
 
     def checked(self, legs: Legs) -> CheckedMotion | None:
-        """Simulates the motion of an optimisation's result; None if its duration is invalid."""
-        duration = sum(leg.duration for leg in legs)
-        if not (math.isfinite(duration) and 0.0 < duration < LONGEST):
+        """Simulates the motion of an optimisation's result; None if it is none, from rest to rest.
+
+        An optimisation that was ended early may be anything.
+        """
+        law = SearchedLaw(self.path, self.yaw, legs)
+        if not (law.whole and law.duration < LONGEST):
             return None
-        return self.check([SearchedLaw(self.path, self.yaw, legs).motion(whole_rows(duration))])[0]
-
-
-def _law_of(found: LegGuess, leg: Leg) -> JerkLaw:
-    """Returns the time law of an optimised leg, scaled to end exactly at the leg's end."""
-    law = JerkLaw(found.duration, found.controls[:, 0], (0.0, 0.0, float(found.states[0, 2])))
-    share = leg.length / max(float(law.nodes()[-1, 0]), 1e-9)
-    return JerkLaw(law.duration, share * law.jerk, (0.0, 0.0, share * law.start[2]))
-
-
-def _tilt_of(legs: Legs, factor: float, t: np.ndarray, yaw: float) -> Tilt:
-    """Returns the tilt of an optimised motion that is slowed by a factor.
-
-    The last row is upright; what the search's tolerance leaves there is taken away evenly.
-    """
-    found = np.zeros((3, len(t), 2))
-    ends = factor * np.cumsum([leg.duration for leg in legs])
-    which = np.minimum(np.searchsorted(ends, t), len(legs) - 1)
-    for axis in range(2):
-        start = (0.0, 0.0, 0.0)
-        for n, leg in enumerate(legs):
-            rows = which == n
-            law = JerkLaw(leg.duration, leg.controls[:, 1 + axis], start).stretched(factor)
-            columns = law(t[rows] - (ends[n] - law.duration))
-            for order, column in enumerate(columns):
-                found[order, rows, axis] = column
-            place, rate, change = law.nodes()[-1]
-            start = (float(place), float(rate * factor), float(change * factor**2))
-    found[0] -= found[0, -1] * (t / t[-1])[:, None]
-    return Tilt(yaw, *found)
+        return self.check([law.motion(whole_rows(law.duration))])[0]
 
 
 def lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
@@ -309,35 +231,6 @@ def lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
         if share > 0.0
     }
     return replace(limits, **lower)
-
-
-def guess_of(model: Model, path: Path, start: Scaled, search: PathSearch, factor: float) -> Legs:
-    """Creates the initial guess of an optimisation from a motion with a standard time law.
-
-    Args:
-        model: of the liquid.
-        path: the path.
-        start: the motion by the law.
-        search: whose nodes the guess has.
-        factor: by which the start is slower; the liquid's answer stays as it was.
-    """
-    motion, layout = start.found.motion, search.layout
-    waves = waves_of([model], motion)
-    durations = start.known.durations(motion.duration)
-    legs, begin = [], 0.0
-    laws = start.known.laws(motion.duration)
-    for law, duration, count in zip(laws, durations, search.counts, strict=True):
-        t = np.linspace(0.0, duration, count + 1)
-        s, v, a = law(t)
-        states = np.zeros((count + 1, layout.size))
-        states[:, :CHAIN] = np.column_stack([s, v / factor, a / factor**2])
-        states[:, layout.liquid] = waves(begin + t)
-        controls = np.zeros((count, layout.driven))
-        controls[:, 0] = np.diff(a) / (duration / count) / factor**3
-        middles = waves(begin + t[:-1] + 0.5 * duration / count)
-        legs.append(LegGuess(factor * duration, states, controls, middles))
-        begin += duration
-    return tuple(legs)
 
 
 def waves_of(models: Sequence[Model], motion: PlannedMotion) -> Callable[[Array], Array]:

@@ -47,8 +47,8 @@ class JointWaypoints:
     velocity: Array | None = None
     acceleration: Array | None = None
 
-    def points(self, name: str) -> Array:
-        """Returns points (M, J) of the joint path as a controller interpolates it.
+    def points(self, name: str) -> tuple[Array, Array]:
+        """Returns times (M,) [s] and points (M, J) of the path as a controller interpolates it.
 
         Without velocities only the points are known, and the path is smooth between them.
 
@@ -61,6 +61,6 @@ class JointWaypoints:
         given = (self.position, self.velocity, self.acceleration)
         columns = [one for one in given if one is not None]
         if len(columns) == 1:
-            return self.position
-        curve = joint_curve(self.t, columns, name)
-        return np.asarray(curve(dense(self.t, PEAK_SPACING)))
+            return self.t, self.position
+        curve, t = joint_curve(self.t, columns, name), dense(self.t, PEAK_SPACING)
+        return t, np.asarray(curve(t))

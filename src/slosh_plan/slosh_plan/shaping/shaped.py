@@ -17,9 +17,9 @@ from slosh_model import Model
 from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.motion_profiles import quintic
 from slosh_plan.errors import SloshPlanError
-from slosh_plan.planning.known_laws import UnitLaw
 from slosh_plan.planning.path import Leg, Path, path_through
 from slosh_plan.planning.time_law import STEP, Law, PlannedMotion, motion_along, whole_rows
+from slosh_plan.planning.unit_laws import UnitLaw
 from slosh_plan.shaping.filters import FILTERS, Damped, Filter
 from slosh_plan.trajectory import Trajectory
 from slosh_plan.tuning import TUNING

@@ -2,9 +2,10 @@
 
 STORE/cell=line_1/month=2026-11/<begin>-<end>-<digest>.parquet holds motions of one bag. The name
 has the first and last begin of its motions [ns] and the digest of its rows: the same bag gives the
-same file, and is stored once. A file appears as a whole.
+same file, and is stored once. A file appears as a whole. The file of a bag that was cut off gives
+way to that of the whole one.
 STORE/_ingested/<digest> holds the number of motions of a bag that needs no second reading. Readers
-of Parquet folders, as pandas, pass over names that begin so.
+such as pandas pass over names that begin so.
 """
 
 from __future__ import annotations
@@ -37,6 +38,10 @@ ADDED: Final = (
 """Columns that the store adds to those of MotionRow."""
 _STORED: Final = tuple(column for column in COLUMNS if column.name != "cell")
 """Columns in the files; the cell and the month are in their folders' names."""
+
+
+_IDENTITY: Final = ("opening", "digest", "duration", "images")
+"""Columns that tell of two rows whether they are one motion, and which is the more complete."""
 
 
 class Added(NamedTuple):
@@ -98,12 +103,34 @@ class FleetStore:
             begins = sorted(row.begin_ns for row in group)
             name = f"{begins[0]}-{begins[-1]}-{digest.hexdigest()[:32]}{SUFFIX}"
             # As readers of such folders decode it: a cell may be named as no ROS name is.
-            path = f"{self._root}/cell={quote(cell, safe='')}/month={month}/{name}"
+            folder = f"{self._root}/cell={quote(cell, safe='')}/month={month}"
+            path = f"{folder}/{name}"
             with self._naming():
-                if not self._files.exists(path):
-                    self._put(path, _packed(group))
-                    new += 1
+                if self._files.exists(path):
+                    continue
+                own = _identities((getattr(row, name) for name in _IDENTITY) for row in group)
+                beside = self._beside(folder, begins[0], begins[-1])
+                if any(_holds(other, own) for other in beside.values()):
+                    continue
+                self._put(path, _packed(group))
+                new += 1
+                for part in (part for part, other in beside.items() if _holds(own, other)):
+                    self._files.rm_file(part)
         return Added(len(rows), new, len(groups) - new)
+
+    def _beside(self, folder: str, first_ns: int, last_ns: int) -> dict[str, _Motions]:
+        """Returns the motions of files in a folder whose begins [ns] overlap, by path."""
+        found: dict[str, _Motions] = {}
+        for path in self._files.glob(f"{folder}/[0-9a-f]*{SUFFIX}"):
+            span = _SPAN.match(path.rpartition("/")[2])
+            if span is None or int(span[1]) > last_ns or int(span[2]) < first_ns:
+                continue
+            try:
+                table = self._dataset([path]).to_table(columns=list(_IDENTITY))
+            except (OSError, ValueError):  # a damaged one is named when it is queried
+                continue
+            found[path] = _identities(row.values() for row in table.to_pylist())
+        return found
 
     def noted(self, state: str) -> int | None:
         """Returns the number of stored motions that is noted for a bag; None if nothing is noted.
@@ -232,6 +259,22 @@ class FleetStore:
         else:
             self._files.makedirs(path.rpartition("/")[0], exist_ok=True)
             self._files.pipe_file(path, data)
+
+
+_Motions = dict[str, tuple[float, int]]
+"""Duration [s] and number of images of motions, by what is the same in a bag that was cut off."""
+
+
+def _identities(rows: Iterable[Iterable[Any]]) -> _Motions:
+    return {
+        str(opening or digest): (float(duration or 0.0), int(images or 0))
+        for opening, digest, duration, images in rows
+    }
+
+
+def _holds(whole: _Motions, part: _Motions) -> bool:
+    """Returns whether each motion of a part is in the whole, at least as complete."""
+    return all(key in whole and whole[key] >= one for key, one in part.items())
 
 
 def _overlapping(paths: Sequence[str]) -> set[str]:

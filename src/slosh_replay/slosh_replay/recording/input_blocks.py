@@ -6,6 +6,7 @@ poses from here on.
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -21,24 +22,31 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.fixed_frames import FixedFrames
 from slosh_estimator.inputs import (
     ACCEL,
+    BY_POSE,
     JOINTS,
     MOUNTED,
+    NOUNS,
+    ODOMETRY,
     POSE,
     POSED,
     InputSettings,
     WantedInput,
 )
 from slosh_estimator.joint_poses import JointPoses
+from slosh_estimator.mounting import rotated
 from slosh_estimator.placed_accel import PlacedAccel, PlacedAcceleration
 from slosh_estimator.timed_pose import TimedPose
 from slosh_estimator.transform_poses import Transform, TransformPoses
-from slosh_metrics.input_checks.message_checks import unstamped
+from slosh_metrics.input_checks.message_checks import TwistCheck, unstamped
+from slosh_metrics.input_checks.stamp_checks import stamp_doubts
+from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_msgs_py import topics
 from slosh_replay.recording.inputs import (
     PLACED_FIELDS,
     fields,
     recorded_inputs,
     stamps_of,
+    twist_of,
 )
 from slosh_replay.recording.settings import first
 from slosh_replay.recording.sources import Sources
@@ -67,7 +75,9 @@ class InputBlocks:
         self._columns = ColumnReader(reader.typestore_of)
         self._fields = fields(sources.kind)
         self._world = how.frames[0]
+        self._kind = sources.kind
         self._count = self._messages = self._stamped = 0
+        self._clocks: dict[object, tuple[array[int], array[int]]] = {}
         if sources.kind == JOINTS and not how.urdf:
             how = how._replace(urdf=_description(reader, sources))
         try:
@@ -95,8 +105,12 @@ class InputBlocks:
         """
         if self._poses is None:
             columns = self._columns.columns(blocks[0], self._fields)
-            self._stamped += int(np.count_nonzero(stamps_of(columns)))
-            self._messages += len(columns[_FRAME])
+            stamps = stamps_of(columns)
+            self._stamped += int(np.count_nonzero(stamps))
+            self._messages += len(stamps)
+            stamped, logged = self._clock_of("")
+            stamped.extend(stamps.tolist())
+            logged.extend(blocks[0].log_ns.tolist())
             return columns
         messages = [message for block in blocks for message in messages_of(block)]
         if len(blocks) > 1:  # in the order in which the node heard them
@@ -117,7 +131,24 @@ class InputBlocks:
             links = decoded.transforms if hasattr(decoded, "transforms") else (decoded,)
             self._stamped += any(stamp_ns(one) for one in links)
             self._messages += 1
+            for one in links:
+                stamped, logged = self._clock_of(_publisher_of(one))
+                stamped.append(stamp_ns(one))
+                logged.append(message.log_ns)
         return decoded
+
+    def _clock_of(self, publisher: object) -> tuple[array[int], array[int]]:
+        """Returns the stamps and log times [ns] of one publisher's messages so far."""
+        return self._clocks.setdefault(publisher, (array("q"), array("q")))
+
+    def doubts(self) -> list[InputDoubt]:
+        """Returns, after all messages, what their stamps show beside the log times."""
+        noun, found = NOUNS[self._kind], dict[str, InputDoubt]()
+        for stamped, logged in self._clocks.values():
+            stamps, logs = (np.frombuffer(each, np.int64) for each in (stamped, logged))
+            found |= {str(doubt): doubt for doubt in stamp_doubts(stamps, logs, noun)}
+        told = self._poses.velocities.remark() if isinstance(self._poses, JointPoses) else ""
+        return [*found.values(), *([InputDoubt(told, wrong=False)] if told else [])]
 
     def _placed(self, poses: PlacedAccel, message: Any) -> list[PlacedAcceleration]:
         """Returns the container accelerations [m/s²] that become computable with a new message."""
@@ -162,7 +193,11 @@ class InputBlocks:
 
 
 def reading(
-    reader: BagReader, sources: Sources, given: InputSettings | WantedInput | None = None
+    reader: BagReader,
+    sources: Sources,
+    given: InputSettings | WantedInput | None = None,
+    *,
+    as_recorded: bool = False,
 ) -> InputSettings:
     """Returns the settings with which the input of a bag is read.
 
@@ -170,14 +205,41 @@ def reading(
         reader: of the bag.
         sources: its topics.
         given: how it is read, or in what other than by the recorded estimator; None: as by that.
+        as_recorded: whether an input that an estimator read is read as it did, though its messages
+            contradict themselves.
 
     Raises:
         SloshBagError: a recorded parameter is missing or cannot be.
     """
-    if isinstance(given, InputSettings):
-        return _mounted(reader, sources, given)
-    recorded = recorded_inputs(sources.starts, sources.facts)
-    return _mounted(reader, sources, recorded if given is None else given.over(recorded))
+    how = recorded_inputs(sources.starts, sources.facts) if given is None else given
+    if isinstance(how, WantedInput):
+        how = how.over(recorded_inputs(sources.starts, sources.facts))
+    how = _mounted(reader, sources, how)
+    if sources.kind == ODOMETRY and not (as_recorded and _was_read(sources)):
+        return _by_right_part(reader, sources, how)
+    return how
+
+
+def _was_read(sources: Sources) -> bool:
+    """Returns whether a recorded estimator read the input."""
+    started = first(sources.starts, "estimator")
+    return started is not None and started.parameters.get("input", sources.kind) == sources.kind
+
+
+def _by_right_part(reader: BagReader, sources: Sources, how: InputSettings) -> InputSettings:
+    """Returns the settings with the pose as input if the twist of the odometry is wrong."""
+    names, check = fields(ODOMETRY), TwistCheck()
+    for block in reader.blocks([sources.input]):
+        columns = reader.columns(block, names)
+        rows = np.column_stack([columns[name] for name in names[3:]]).tolist()
+        for stamp, row in zip(stamps_of(columns).tolist(), rows, strict=True):
+            twist = twist_of(stamp, row, "")
+            if twist.attitude is not None and twist.position is not None:
+                turned = rotated(twist.attitude, twist.linear)
+                check.take(stamp, twist.position, turned, twist.linear)
+        if check.pose_tells:
+            return how._replace(odometry=BY_POSE)
+    return how
 
 
 def _mounted(reader: BagReader, sources: Sources, how: InputSettings) -> InputSettings:
@@ -185,9 +247,7 @@ def _mounted(reader: BagReader, sources: Sources, how: InputSettings) -> InputSe
 
     A recorded estimator has told what it took from them for its own input.
     """
-    started = first(sources.starts, "estimator")
-    told = started is not None and started.parameters.get("input", sources.kind) == sources.kind
-    if sources.kind not in MOUNTED or told:
+    if sources.kind not in MOUNTED or _was_read(sources):
         return how
     fixed = FixedFrames()
     for message in _latched(reader, sources, topics.TF_STATIC):
@@ -199,6 +259,13 @@ def _mounted(reader: BagReader, sources: Sources, how: InputSettings) -> InputSe
     moving = sources.topics.topic("tf", _row(topics.TF).type) is not None
     found = how.mounted(sources.kind, frame, fixed, moving=moving)
     return how.with_mounting(found) if found else how
+
+
+def _publisher_of(message: Any) -> object:
+    """Returns what tells the publisher of a message from others on its topic."""
+    if hasattr(message, "child_frame_id"):
+        return message.child_frame_id
+    return tuple(message.name) if hasattr(message, "name") else ""
 
 
 def _pose_columns(poses: list[TimedPose], frame: str) -> dict[str, NDArray[Any]]:

@@ -17,7 +17,7 @@ from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import POSE, POSES, ROBOT, InputSettings
 from slosh_estimator.sample import Samples
 from slosh_estimator.sampling import Modes, gap_sentence, modes_of
-from slosh_estimator.velocity_input import Twist, VelocityInput
+from slosh_estimator.velocity_input import OdometryPoses, Twist, VelocityInput
 from slosh_metrics.input_checks.input_faults import MIXED_INPUT
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.indices import POSE_COUNT, QW, QX, QY, QZ
@@ -260,8 +260,8 @@ class InputReader:
                 sample = adapter.update(stamp, *_imu(row))
                 if sample is not None:
                     found.append(sample)
-            elif isinstance(adapter, VelocityInput):
-                found += adapter.update_twist(_twist(stamp, row, frame))
+            elif isinstance(adapter, VelocityInput | OdometryPoses):
+                found += adapter.update_twist(twist_of(stamp, row, frame))
             else:
                 found += adapter.update(stamp, tuple(row[:3]), tuple(row[3:]), None, frame)
         adapter.check.faults.look()
@@ -288,7 +288,7 @@ class InputReader:
         return [text] if text else []
 
 
-def _twist(stamp_ns: int, row: Sequence[float], frame: str) -> Twist:
+def twist_of(stamp_ns: int, row: Sequence[float], frame: str) -> Twist:
     """Creates a velocity from an Odometry message, in the axes of the moving frame."""
     vx, vy, vz, wx, wy, wz, *pose = row
     linear, angular = (vx, vy, vz), (wx, wy, wz)

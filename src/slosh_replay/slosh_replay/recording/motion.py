@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -88,8 +88,13 @@ class MotionCollector:
             self._stamps.append(stamps)
             self._turns.append(_reported(columns, TURNING, _TURNING_KNOWN))
 
-    def motion(self, path: Path, topic: str) -> RecordedMotion:
+    def motion(self, path: Path, topic: str, clocks: Sequence[InputDoubt] = ()) -> RecordedMotion:
         """Returns the container's motion from all added messages.
+
+        Args:
+            path: of the bag.
+            topic: of the input.
+            clocks: what its stamps show, in case that nothing is usable.
 
         Raises:
             SloshBagError: nothing usable, or the stamps go back.
@@ -97,8 +102,10 @@ class MotionCollector:
         self._take(*self._filter.rest())
         stamps = np.concatenate([_NO_STAMPS, *(part.stamps for part in self._samples)])
         if not len(stamps):
+            why = next(iter((*clocks, *self._reader.warnings())), "")
             raise SloshBagError(
                 f"{path}: holds no usable message of {topic}{self._reader.refusal}"
+                f"{f'; {why}' if why else ''}"
             )
         self._reader.finish()
         late = np.flatnonzero(np.diff(stamps) <= 0)

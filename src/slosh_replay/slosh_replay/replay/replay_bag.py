@@ -118,7 +118,7 @@ def replay_bag(
     started = settings.first(sources.starts, "estimator")
     recorded = settings.model_of(started) if started else None
     used = model or recorded or _noted_model(path, sources.facts)
-    how = reading(reader, sources, given)
+    how = reading(reader, sources, given, as_recorded=True)
     plain = used
     if not _is_as_recorded(started, sources, model):
         used = _felt(path, sources, how, used)
@@ -181,6 +181,7 @@ def replay_bag(
         *_attitude_warnings(path, sources, used, how),
         *input_reader.ignored_tilt(plain, used),
         blocks.trouble(),
+        *(() if TABLE_COLUMNS in sources.facts else blocks.doubts()),
         *sorted(lacking),
     ]
     if several > 1:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -46,7 +46,7 @@ from slosh_replay.tables.table_bag import (
     WALL_POINT,
     table_times,
 )
-from slosh_tables.motion_table import MSH, MotionTable, eta_azimuths
+from slosh_tables.motion_table import MSH, MotionTable, Remark, eta_azimuths
 
 Stamps = NDArray[np.int64]
 
@@ -139,7 +139,8 @@ def read_bag_table(
                 take(reader.columns(block, names) if names else _decoded(reader, block))
             progress(len(block))
     blocks.check()
-    motion = collector.motion(path, sources.input)
+    clocks = () if TABLE_COLUMNS in facts else tuple(blocks.doubts())
+    motion = collector.motion(path, sources.input, clocks)
     if sources.kind == "accel" and collector.in_world and not how.placed:
         motion = beside.added_to(motion)
     motion, placed = heights.placed(motion, how.gate.max_gap)
@@ -154,7 +155,9 @@ def read_bag_table(
         placed.eta,
     )
     told = [blocks.trouble()] if blocks.trouble() else []
-    notes = (*reader.warnings, *told, *collector.notes(), *placed.notes)
+    remarks = [Remark(str(doubt), doubt.wrong) for doubt in (*clocks, *collector.doubts)]
+    table = replace(table, remarks=(*(Remark(line, wrong=True) for line in told), *remarks))
+    notes = (*reader.warnings, *told, *clocks, *collector.notes(), *placed.notes)
     return BagTable(table, origin, sources.input, surface, notes)
 
 

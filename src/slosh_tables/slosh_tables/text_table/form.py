@@ -37,6 +37,7 @@ class Rows:
         before: lines before the heading that are no comments, and are passed over.
         line: number of the line that was read last.
         dotted: whether a point stood in a row.
+        comments: before the heading, without their marks.
     """
 
     path: Path
@@ -48,6 +49,7 @@ class Rows:
     before: int = 0
     line: int = 0
     dotted: bool = False
+    comments: tuple[str, ...] = ()
 
     def cells(self) -> Iterator[list[str]]:
         """Yields the rows' cells, without blank lines, comments and empty rows.
@@ -121,7 +123,8 @@ def read_form(path: Path, text: Iterable[str], options: TableOptions) -> Rows:
         if _is_unit_row(below):
             unit_row, rows = below, rows[1:]
     heading = _named_rows(heading, [_one(line, separator) for _, line in rows[:_SAMPLE]])
-    return Rows(path, heading, unit_row, separator, rows, kept, before)
+    comments = tuple(comment.lstrip("#%/").strip() for _, comment in said)
+    return Rows(path, heading, unit_row, separator, rows, kept, before, comments=comments)
 
 
 def name_of(separator: str) -> str:

@@ -40,12 +40,14 @@ class TextTable:
         names: ours, or the table's own where we have none.
         data: (N, K) in SI units.
         lines: (N,) where in the file the rows stand, from 1.
+        comments: before the heading.
     """
 
     path: Path
     names: list[str]
     data: Array
     lines: NDArray[np.int64]
+    comments: tuple[str, ...] = ()
 
     def column(self, name: str) -> Array:
         """Returns the values (N,) of one column."""
@@ -144,7 +146,7 @@ def read_table(
         options.tell(f"{path}: read as: {'; '.join(notes)}")
     names = [column.name for column in kept]
     lines = np.frombuffer(reader.lines, np.int64)
-    table = TextTable(path, names, data[:, : len(kept)], lines)
+    table = TextTable(path, names, data[:, : len(kept)], lines, form.comments)
     if sampled is not False and TIME in names:
         use = 0.0 if sampled is True else sampled(table)
         check_step(path, table.column(TIME), unit, kept[names.index(TIME)].given, use=use)

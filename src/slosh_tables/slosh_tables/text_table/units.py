@@ -93,6 +93,8 @@ def assumed_unit(first: float, t: Array) -> str:
         first: the first time as it stands in the table.
         t: (N,) times from some origin, in the same unit.
     """
+    if not np.isfinite(t).all():
+        return ""
     step = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
     for unit, start in EPOCH_FROM.items():
         usual = 1e-5 <= step * TIME[unit] <= 10.0
@@ -121,7 +123,7 @@ def check_step(path: Path, t: Array, unit: str | None, name: str, *, use: float 
     Raises:
         SloshFileError: the line names the likely unit and the option that tells it.
     """
-    if unit is not None or len(t) < 2:
+    if unit is not None or len(t) < 2 or not np.isfinite(t).all():
         return
     step = float(np.median(np.diff(t)))
     if step < (SLOW if len(t) > SLOW_ROWS else SLOWEST):

@@ -1,0 +1,80 @@
+"""The time law that was given with a path, and all laws that plans try beside their search."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from slosh_base.types import Array
+from slosh_plan.planning import optimise
+from slosh_plan.planning.known_laws import TimeLaw, known_laws
+from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.path import Path
+from slosh_plan.planning.progress import never
+from slosh_plan.planning.searched_law import kinematic_law
+from slosh_plan.planning.time_law import STEP, Law, PlannedMotion, motion_along
+
+GIVEN, KINEMATIC = "given", "kinematic"
+"""Names of laws: the waypoints' own times, and the fastest motion without a liquid."""
+
+
+@dataclass(frozen=True, slots=True)
+class GivenLaw:
+    """The time law by the times that were given with a path's points, for any duration.
+
+    Attributes:
+        path: the path, with such times.
+    """
+
+    path: Path
+
+    def durations(self, duration: float) -> tuple[float, ...]:
+        """Returns the durations of the legs for a total duration [s]."""
+        own = [float(spline.t[-1]) for spline in self.path.given]
+        return tuple(duration * one / sum(own) for one in own)
+
+    def laws(self, duration: float) -> list[Law]:
+        """Returns the time laws of the legs for a total duration [s]."""
+        each = zip(self.path.given, self.durations(duration), strict=True)
+        return [_slowed(spline, float(spline.t[-1]) / time) for spline, time in each]
+
+    def motion(self, duration: float, step: float = STEP) -> PlannedMotion:
+        """Creates the motion with a total duration and a sample interval [s]."""
+        return motion_along(self.path, self.laws(duration), self.durations(duration), step)
+
+
+def _slowed(spline: BSpline, pace: float) -> Law:
+    """Returns the law of a leg at another pace, as a share of the given one."""
+    derivatives = (spline, spline.derivative(), spline.derivative(2))
+    end = float(spline.t[-1])
+
+    def law(t: Array) -> tuple[Array, Array, Array]:
+        s, v, a = (np.asarray(one(np.clip(pace * t, 0.0, end))) for one in derivatives)
+        return s, pace * v, pace**2 * a
+
+    return law
+
+
+def all_laws(
+    path: Path, limits: PlanLimits, seconds: float, stopped: Callable[[], bool] = never
+) -> dict[str, TimeLaw]:
+    """Returns the laws that every plan tries: standard ones, the given and the kinematic one.
+
+    Args:
+        path: the path.
+        limits: of acceleration, jerk and joints.
+        seconds: that the search of the kinematic law may take; it is left out where that is up.
+        stopped: whether to end it.
+    """
+    known = known_laws(path, limits)
+    found: dict[str, TimeLaw] = {**known}
+    if path.given:
+        found[GIVEN] = GivenLaw(path)
+    if seconds > 0.0 and optimise.available():
+        law = kinematic_law(path, known, limits, seconds, stopped)
+        if law is not None:
+            found[KINEMATIC] = law
+    return found
