@@ -30,7 +30,7 @@ from rclpy.node import Node
 from slosh_estimator.nodes.estimator_node import EstimatorNode
 from slosh_msgs.msg import FreeSurface, SloshEstimate
 from slosh_msgs_py import qos, topics
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 
 RATE = 1000
 GOAL, OBSERVER_GOAL = 1.3, 1.5

@@ -24,7 +24,7 @@ from geometry_msgs.msg import AccelStamped, PoseStamped
 
 from slosh_estimator.nodes.estimator_node import EstimatorNode
 from slosh_msgs_py import qos, topics
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 
 GOAL = 1.3
 ALONE, COMPARED = "/alone", "/compared"

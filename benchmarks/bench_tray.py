@@ -19,7 +19,7 @@ import rclpy
 from bench_estimator_node import MODEL, Meter, measure, run, send
 
 from slosh_estimator.nodes.estimator_node import EstimatorNode
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 
 GOAL = 1.2
 ONE, FOUR = "/one", "/four"

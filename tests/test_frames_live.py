@@ -19,8 +19,8 @@ from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
 from slosh_replay.replay import replay_bag
 from slosh_testing.hearing_robot import HearingRobot
+from slosh_testing.joint_driver import acceleration, cup_position, quaternion, swung
 from slosh_testing.journaled import assert_same_by_journal
-from slosh_testing.rail_robot import acceleration, cup_position, quaternion, swung
 
 pytestmark = pytest.mark.timeout(200)
 TEXT = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\n"

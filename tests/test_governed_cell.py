@@ -15,7 +15,7 @@ from slosh_msgs.msg import GovernedMotion
 from slosh_msgs_py import topics
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
 from slosh_replay import replay_bag
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 from slosh_testing.live_processes import live_process
 
 LIMIT, RATE = 0.012, 50.0

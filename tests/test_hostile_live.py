@@ -10,8 +10,8 @@ import pytest
 import yaml
 
 from slosh_bringup.processes import config_folder
-from slosh_testing.hostile import CONTROL, EVIL, Page, has_forged_line
 from slosh_testing.live_processes import LiveProcess, free_port, live_process, recorded, robot
+from slosh_testing.reports import CONTROL, EVIL, Page, has_forged_line
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "l"
 pytestmark = pytest.mark.timeout(200)

@@ -24,7 +24,7 @@ from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_tables.motion_table import MotionTable, write_motion_table
-from slosh_testing.hostile import CONTROL, EVIL, Page, has_forged_line
+from slosh_testing.reports import CONTROL, EVIL, Page, has_forged_line
 
 BAGS = Path(__file__).parents[1] / "bags"
 HEADER, DATA = "std_msgs/msg/Header", bytes.fromhex("000100000000000000000000020000006100")

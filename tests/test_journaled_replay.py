@@ -23,7 +23,7 @@ from slosh_msgs_py import topics
 from slosh_msgs_py.conversions import filled
 from slosh_msgs_py.stamps import to_time
 from slosh_replay.journaled.replay import replay_journals
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 from slosh_testing.journaled import assert_same_by_journal
 
 CUP = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\n"

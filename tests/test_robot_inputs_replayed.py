@@ -21,7 +21,7 @@ from slosh_replay.recording.sources import find_sources
 from slosh_replay.replay import replay_bag
 from slosh_replay.split import split_bag
 from slosh_tables.motion_table import read_motion_table
-from slosh_testing.rail_robot import (
+from slosh_testing.joint_driver import (
     JOINTS,
     RAIL_URDF,
     acceleration,

@@ -17,8 +17,8 @@ from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_time
 from slosh_replay.replay import replay_bag
 from slosh_testing.hearing_robot import HearingRobot
+from slosh_testing.joint_driver import JOINTS, RAIL_URDF, felt_on_cup, swung
 from slosh_testing.journaled import assert_same_by_journal
-from slosh_testing.rail_robot import JOINTS, RAIL_URDF, felt_on_cup, swung
 
 pytestmark = [
     pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)"),

@@ -21,7 +21,7 @@ from slosh_msgs.srv import ChangeContainer
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
 from slosh_replay.replay import replay_bag
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 
 MS = 1_000_000
 CELLS = {"/left": (0.03, 1.0), "/middle": (0.04, 2.0), "/right": (0.05, 3.0)}

@@ -16,7 +16,7 @@ import rclpy
 from slosh_bringup.processes import NodeGroup, NodeProcess, config_folder, node_environment
 from slosh_msgs.msg import SloshEstimate
 from slosh_msgs_py import qos, topics
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 
 OWN, FOREIGN = 0.05, 0.4
 CONTESTED = SloshEstimate.INPUT_CONTESTED

@@ -30,7 +30,7 @@ from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.sampling import modes_of
 from slosh_estimator.velocity_input import Twist, VelocityInput
-from slosh_testing.rail_robot import FORE, JOINTS, RAIL_URDF, UPPER, cup_position, quaternion
+from slosh_testing.joint_driver import FORE, JOINTS, RAIL_URDF, UPPER, cup_position, quaternion
 from slosh_testing.random_moves import AFTER, MODEL, moves
 
 PAGE = ROOT / "docs" / "robot.md"

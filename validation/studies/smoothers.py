@@ -24,7 +24,7 @@ from slosh_base.types import Array
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.sample import Sample, Samples
-from slosh_testing.rail_robot import cup_position, quaternion
+from slosh_testing.joint_driver import cup_position, quaternion
 from slosh_testing.random_moves import MODEL
 
 RATES, RESOLUTIONS, JITTERS = (125, 500), (0.02, 0.1, 1.0), (0.0, 4.0)

@@ -19,7 +19,7 @@ from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import WARN
 from slosh_msgs_py.stamps import to_time
 from slosh_replay.fleet.store import FleetStore
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 
 BEGIN_NS = 1_790_000_000 * 10**9
 

@@ -25,7 +25,7 @@ from slosh_model.model_text import read_model
 from slosh_msgs.msg import LimitEvent, SloshEstimate
 from slosh_msgs_py import qos
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 
 PATIENCE = 30.0
 BEGIN = 1_700_000_000_123_456_789

@@ -25,7 +25,7 @@ from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import WARN
 from slosh_msgs_py.node.readiness import RECORDED
 from slosh_replay.recording.facts import shared_topics_line
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 
 DATA = serialize_message(FreeSurface())
 BEST_EFFORT = QoSProfile(depth=10, reliability=Reliability.BEST_EFFORT)

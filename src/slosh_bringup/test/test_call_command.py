@@ -11,7 +11,7 @@ from std_srvs.srv import Trigger
 from slosh_bringup.cli.main import main
 from slosh_bringup.processes import NodeProcess
 from slosh_msgs.srv import ChangeContainer
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 
 CELL = "/here"
 ASKED = []

@@ -25,7 +25,7 @@ from slosh_msgs.msg import (
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
 from slosh_msgs_py.node.diagnostics import OK, WARN
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 
 CELL = "/line_1"
 CUP = Model(Cylinder(0.05, 0.07))

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from slosh_camera.cylinder.container_edges import ContainerEdges
-from slosh_camera.cylinder.detector import FreeSurfaceDetector
-from slosh_camera.cylinder.outer_edges import outer_edges
+from slosh_camera.cylinder.detector import FreeSurfaceDetector, outer_edges
 from slosh_camera.images.still_edges import StillEdges
 from slosh_camera.measurement import Flag
 from slosh_camera.rectangle.detector import SideViewDetector

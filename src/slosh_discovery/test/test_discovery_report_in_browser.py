@@ -16,8 +16,8 @@ from slosh_discovery.discovery_report import (
 )
 from slosh_report.page.frame import Frame
 from slosh_testing.example_finding import example_finding, example_report
-from slosh_testing.hostile import evil
 from slosh_testing.pages import A4, LOOK, EveryPage, check_numbers, grey_png, on_paper
+from slosh_testing.reports import evil
 
 pytestmark = pytest.mark.long
 

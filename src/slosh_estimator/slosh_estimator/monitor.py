@@ -22,10 +22,9 @@ from slosh_estimator.comparison import (
     MeasuredPoint,
     Waiting,
 )
-from slosh_estimator.level_watch import LevelWatch
+from slosh_estimator.height_checks import LevelWatch, RepeatedHeights, StrayHeights
 from slosh_estimator.limits import Event, LimitChange, LimitTracker, Source
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_estimator.repeated_heights import RepeatedHeights
 from slosh_estimator.sample import SECONDS_PER_NS
 from slosh_estimator.sight import (
     AMBIGUOUS,
@@ -37,7 +36,6 @@ from slosh_estimator.sight import (
     estimate_obstacle,
     obstacle,
 )
-from slosh_estimator.stray_heights import StrayHeights
 from slosh_estimator.tray_watch import TrayWatch
 from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag

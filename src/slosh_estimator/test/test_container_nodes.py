@@ -22,7 +22,7 @@ from slosh_msgs.msg import ContainerChange, NodeSettings, SloshEstimate, TrayEst
 from slosh_msgs.srv import ChangeContainer, LoadModel
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 
 MS = 1_000_000
 CUP = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07, rim_height: 0.1}\n"

@@ -38,7 +38,7 @@ from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 
 MS = 1_000_000
 TEXT = """

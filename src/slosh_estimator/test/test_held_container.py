@@ -8,8 +8,8 @@ import pytest
 from slosh_estimator.comparison import Condition, EstimatePoint, Expected, MeasuredPoint
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.estimator import Estimator
+from slosh_estimator.height_checks import LevelWatch
 from slosh_estimator.held_container import HeldContainer, tray_holding
-from slosh_estimator.level_watch import LevelWatch
 from slosh_estimator.limits import Kind
 from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import MonitorSettings

@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.inputs import InputSettings
-from slosh_estimator.joint_poses import JointPoses
-from slosh_estimator.joint_velocities import JointVelocities
+from slosh_estimator.joint_poses import JointPoses, JointVelocities
 from slosh_estimator.robot import Robot, available, read_urdf
-from slosh_testing.rail_robot import (
+from slosh_testing.joint_driver import (
     JOINTS,
     RAIL_URDF,
     acceleration,

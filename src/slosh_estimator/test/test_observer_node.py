@@ -19,7 +19,7 @@ from slosh_msgs.action import WaitUntilCalm
 from slosh_msgs.msg import Calm, FreeSurface, FusedEstimate, SloshEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 
 MS = 1_000_000
 TEXT = (

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from slosh_estimator.comparison import Condition, EstimatePoint, MeasuredPoint
+from slosh_estimator.height_checks import RepeatedHeights
 from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_estimator.repeated_heights import RepeatedHeights
 from slosh_estimator.sight import FROZEN
 
 FREQUENCY = 19.0

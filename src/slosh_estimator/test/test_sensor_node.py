@@ -18,7 +18,7 @@ from slosh_msgs.msg import FreeSurface, NodeSettings, SloshEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import ERROR, OK
 from slosh_msgs_py.stamps import to_time
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 
 MS = 1_000_000
 MODEL = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\n"

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from slosh_estimator.observer.observer import Observer
-from slosh_estimator.observer.shown_wave import ShownWave
+from slosh_estimator.observer.observer import Observer, ShownWave
 from slosh_estimator.observer.states import WallHeights
 from slosh_estimator.sample import Sample
 from slosh_model.model import Model

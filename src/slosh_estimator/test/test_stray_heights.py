@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from slosh_estimator.comparison import EstimatePoint, Expected, MeasuredPoint
+from slosh_estimator.height_checks import StrayHeights
 from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sight import AMBIGUOUS
-from slosh_estimator.stray_heights import StrayHeights
 
 FREQUENCY, SIGMA = 19.0, 8e-5
 

@@ -23,7 +23,7 @@ from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import WARN
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.nodes.governor_node import GovernorNode
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 
 pytestmark = pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)")
 URDF = Path(__file__).resolve().parents[3] / "examples" / "robot.urdf"

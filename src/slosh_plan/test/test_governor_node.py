@@ -28,7 +28,7 @@ from slosh_plan.governor import Governor, SeenLiquid
 from slosh_plan.governor.parameters import governor_of, velocity_command
 from slosh_plan.nodes.governor_messages import governed_message
 from slosh_plan.nodes.governor_node import GovernorNode
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 
 TEXT = """
 container: {shape: cylinder, radius: 0.05, fill_height: 0.07}

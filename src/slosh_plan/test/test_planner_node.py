@@ -31,7 +31,7 @@ from slosh_msgs_py.stamps import to_duration, to_nanoseconds, to_time
 from slosh_plan.nodes import planner_node
 from slosh_plan.nodes.planner_node import THREADS, PlannerNode
 from slosh_plan.planning import optimise
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 
 TEXT = """
 container: {shape: cylinder, radius: 0.05, fill_height: 0.07}

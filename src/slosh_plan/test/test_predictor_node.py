@@ -40,7 +40,7 @@ from slosh_plan import HeightLimits, LiquidState, Trajectory, predict, safe_scal
 from slosh_plan.nodes.predict_messages import trajectory_of
 from slosh_plan.nodes.predictor_node import PredictorNode
 from slosh_plan.robot_file import read_arm
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 
 TEXT = """
 container: {shape: cylinder, radius: 0.05, fill_height: 0.07}

@@ -27,7 +27,7 @@ from slosh_plan import predict
 from slosh_plan.nodes.relay_node import THREADS, RelayNode
 from slosh_plan.planning import optimise
 from slosh_plan.robot_file import read_arm
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 
 Follow = pytest.importorskip("control_msgs.action").FollowJointTrajectory
 pytestmark = [

@@ -25,7 +25,7 @@ from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.planner_node import THREADS, PlannerNode
 from slosh_plan.nodes.predictor_node import PredictorNode
 from slosh_plan.tray import predict_tray, tray_scales
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 
 CUPS = "".join(
     f"- {{name: {name}, place: [{x}, 0.0, 0.0], limit: {limit}, model: {{container: "

@@ -20,7 +20,7 @@ from slosh_plc.cell_state import REGISTERS, Quality
 from slosh_plc.errors import SloshPlcError
 from slosh_plc.modbus import registers
 from slosh_plc.nodes.plc_node import PlcNode
-from slosh_testing.graph import Graph
+from slosh_testing.hearing_robot import Graph
 from slosh_testing.plc import free_port
 
 pytest.importorskip("pymodbus", reason="pymodbus is not installed (requirements/plc.txt)")

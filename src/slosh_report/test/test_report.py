@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from slosh_report.errors import SloshReportError
-from slosh_report.page.closer import closer_scripts
 from slosh_report.page.units import shown
 from slosh_report.run_report import (
     AzimuthSeries,
@@ -27,6 +26,7 @@ from slosh_report.run_report import (
     render_report,
     report_document,
 )
+from slosh_report.run_report.page import closer_scripts
 
 T = np.linspace(0.0, 8.0, 480)
 REPORT = RunReport(

@@ -1,6 +1,7 @@
 """Example reports: one with every part, and one with malicious texts."""
 
 from dataclasses import replace
+from html.parser import HTMLParser
 
 import numpy as np
 
@@ -20,8 +21,11 @@ from slosh_report.run_report import (
     TopicRow,
     VerificationRow,
 )
-from slosh_testing.hostile import evil
 from slosh_testing.pages import grey_png
+
+EVIL = "<img src=x onerror=hacked=1>'\"\x1b[31m\nslosh: all is well\u202e\u2028"
+FORGED = "slosh: all is well"
+CONTROL = set("\x1b\x07\u202e\u2028")
 
 NAN = float("nan")
 T = np.arange(0.0, 20.0, 1.0 / 60.0)
@@ -148,4 +152,34 @@ def hostile_report():
         ),
         measured_azimuth=replace(base.measured_azimuth, name=evil("measured")),
         estimated_azimuth=replace(base.estimated_azimuth, name=evil("estimated")),
+    )
+
+
+class Page(HTMLParser):
+    """Parsed page that shows whether injected elements appear, and its text."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.hacked, self.text = False, ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.hacked |= ("src", "x") in attrs or "onerror" in dict(attrs)
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def has_forged_line(text: str) -> bool:
+    """Returns whether a name has injected a line into a text."""
+    return any(line.lstrip().startswith(FORGED) for line in text.splitlines())
+
+
+def evil(where: str) -> str:
+    """Returns a malicious text: markup, formulas, requests, control characters and a long word."""
+
+    return (
+        f'{where}</pre></title></style><script>window.hacked="{where}"</script>'
+        f"<img src=http://127.0.0.1:9/{where} onerror=\"window.hacked='{where}'\">"
+        f'" onmouseover="window.hacked=1" {{{{7*7}}}} $\\frac{{1}}{{0$ #010101 url(#x)'
+        f" \x00\x1b[31m \ud800 \u202e {'W' * 300}"
     )

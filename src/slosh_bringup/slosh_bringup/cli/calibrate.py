@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 from dataclasses import fields
 from pathlib import Path
@@ -12,7 +13,6 @@ import numpy as np
 
 from slosh_base.files import check_apart, write_bytes, write_text
 from slosh_bringup.cli.calibrate_answer import as_json, as_text, assumptions
-from slosh_bringup.cli.calibrate_model import take_model
 from slosh_bringup.cli.calibrate_options import add_arguments
 from slosh_bringup.cli.calibrate_scale import run_page, run_scale
 from slosh_bringup.cli.quiet_decoders import quiet_decoders
@@ -40,6 +40,11 @@ from slosh_camera.images.exif import read_exif
 from slosh_camera.optics.calibration import Calibration
 from slosh_camera.optics.cup import Cup, CupView
 from slosh_camera.optics.pose import Pose
+from slosh_model.containers import ROUND, Container
+from slosh_model.model_text import read_model
+
+SAME = 1e-3
+"""Lengths that differ by a smaller share are one."""
 
 __all__ = ["add_arguments", "run"]
 
@@ -212,3 +217,56 @@ def _write_picture(path: Path, picture: Image) -> None:
     if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise SloshBringupError(f"{path}: pictures are written as .png or .jpg")
     write_bytes(path, cv2.imencode(path.suffix, picture)[1].tobytes())
+
+
+def take_model(arguments: argparse.Namespace) -> None:
+    """Sets missing container options from the file given by --model, if there is one.
+
+    Raises:
+        SloshBringupError: an option says another length; a container that is not seen through
+            its wall and no --scale.
+    """
+    if arguments.model is None:
+        return
+    container = read_model(arguments.model).container
+    _check_radius(arguments, container)
+    lengths = {"fill_height": container.fill_height, "rim_height": container.rim_height}
+    if container.section == ROUND:
+        lengths["radius"] = container.size
+    elif arguments.scale is None and arguments.page is None:
+        try:
+            cup = Cup.of(container)
+        except SloshCameraError as error:
+            raise SloshBringupError(f"--model: {arguments.model}: {error}") from None
+        arguments.radius, arguments.taper = cup.radius, cup.taper
+    elif container.cornered and arguments.length is None:
+        arguments.length = container.size
+    for name, told in lengths.items():
+        given = getattr(arguments, name)
+        if given is None:
+            setattr(arguments, name, told)
+        elif told is not None and not math.isclose(given, told, rel_tol=SAME):
+            raise SloshBringupError(
+                f"--{name.replace('_', '-')}: {_mm(given)}, but {arguments.model} has "
+                f"{_mm(told)}; leave the option out or correct the file"
+            )
+
+
+def _check_radius(arguments: argparse.Namespace, container: Container) -> None:
+    """Raises an error if --radius is the model's diameter, or its container is not round."""
+    given = arguments.radius
+    if given is None:
+        return
+    if container.section != ROUND:
+        raise SloshBringupError(
+            f"--radius: {arguments.model} contains no cylinder ({container.described})"
+        )
+    if math.isclose(given, 2.0 * container.size, rel_tol=0.1):
+        raise SloshBringupError(
+            f"--radius: {_mm(given)} is the diameter of the container in {arguments.model}; its "
+            f"radius is {_mm(container.size)}"
+        )
+
+
+def _mm(metres: float) -> str:
+    return f"{1e3 * metres:.4g} mm"

@@ -6,9 +6,11 @@ import argparse
 import json
 import math
 import sys
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from slosh_base.files import check_apart, check_free, new_folder, write_text
 from slosh_base.files.plain_text import plain_line
@@ -21,7 +23,6 @@ from slosh_bringup.cli.rim_option import add_rim_distance
 from slosh_bringup.cli.table_options import add_table_options
 from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.model_error import read_model_error
 from slosh_model import Model
 from slosh_model.tray import read_tray
 from slosh_plan import HeightLimits, ModelError
@@ -38,6 +39,9 @@ from slosh_plan.planning.plan_tray import plan_container, remarks_of
 from slosh_plan.planning.tolerance import frequency_tolerance
 from slosh_plan.tables.joint_table import write_joint_table
 from slosh_plan.tables.path_table import write_plan_table
+
+LARGEST_FILE = 200_000_000
+"""Bytes."""
 
 EPILOG = """PATH is a table of waypoints, t,x,y,z[,qx,qy,qz,qw]: positions of the container's
 origin in the world's axes [s, m]; the plan replaces its times. With --urdf it is a table of the
@@ -230,3 +234,56 @@ def write_results(
             write_joint_table(arguments.output, answer.found.motion)
         else:
             write_plan_table(arguments.output, answer.found.motion, asked.waypoints.attitude)
+
+
+def read_model_error(paths: Sequence[Path], model: str) -> ModelError:
+    """Returns a model's largest MAE and largest relative peak error ε in several result files.
+
+    Args:
+        paths: NAME.json of `slosh replay -o`, or result.json of `slosh demo` or `slosh cell`.
+        model: its name, as 3D-NL.
+
+    Raises:
+        SloshBringupError: no such file, or nothing of this model in it.
+    """
+    sigma = epsilon = 0.0
+    for path in paths:
+        rows = [row for name, row in _accuracies(_document(path)) if name == model]
+        if not rows:
+            raise SloshBringupError(
+                f"{path}: contains no accuracy figures for model {model}: --error takes "
+                "NAME.json of slosh replay -o, or result.json of slosh demo or cell"
+            )
+        for row in rows:
+            sigma = max(sigma, _number(path, row, "sigma"))
+            epsilon = max(epsilon, abs(_number(path, row, "epsilon")))
+    return ModelError(sigma, epsilon)
+
+
+def _document(path: Path) -> Any:
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise SloshBringupError(f"{path}: is larger than any result")
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SloshBringupError(f"{path}: {error.strerror}") from None
+    except (ValueError, RecursionError):
+        raise SloshBringupError(f"{path}: is not JSON") from None
+
+
+def _accuracies(document: Any) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yields model names with their accuracy against the camera from a result file."""
+    if not isinstance(document, dict):
+        return
+    replay = document.get("replay")
+    told = replay.get("accuracy") if isinstance(replay, dict) else document.get("agreements")
+    for row in told if isinstance(told, list) else ():
+        if isinstance(row, dict) and isinstance(row.get("name"), str):
+            yield row["name"].removesuffix(" / camera"), row
+
+
+def _number(path: Path, row: dict[str, Any], key: str) -> float:
+    value = row.get(key)
+    if not isinstance(value, int | float):
+        raise SloshBringupError(f"{path}: {key} of {row['name']} is {value!r:.40}, not a number")
+    return float(value)

@@ -15,10 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_camera.cylinder.container_edges import ContainerEdges
 from slosh_camera.cylinder.front_line import FrontLineFinder
-from slosh_camera.cylinder.inclined_wall import on_inclined_wall
-from slosh_camera.cylinder.outer_edges import outer_edges
 from slosh_camera.cylinder.scan_grid import build_scan_grid
 from slosh_camera.cylinder.still_reference import StillReference, StillReferenceFinder
 from slosh_camera.cylinder.still_surface import REMEDY
@@ -35,9 +34,10 @@ from slosh_camera.cylinder.wall_geometry import WallGeometry
 from slosh_camera.cylinder.wall_pixels import WallPixels
 from slosh_camera.images.repeats import RepeatedFrames
 from slosh_camera.images.seams import SeamFinder, Steps
-from slosh_camera.images.still_edges import StillEdges
+from slosh_camera.images.still_edges import PLACES, Edge, StillEdges, along_end, along_side
 from slosh_camera.measurement import Flag, Measurement, PeakSide
 from slosh_camera.optics.calibration import Calibration
+from slosh_camera.optics.cup import Cup, CupView
 from slosh_camera.settings import DetectionSettings
 
 Image = NDArray[np.uint8]
@@ -323,3 +323,56 @@ class FreeSurfaceDetector:
         front = self._grid.pixel_at(reading.front, found.fit.points.place)
         rear = self._grid.pixel_at(reading.rear, found.fit.upper_place)[::-1]
         return np.vstack((front, rear))
+
+
+def outer_edges(view: CupView) -> list[Edge]:
+    """Projects the container's sides, its floor and, if known, its rim into the image.
+
+    Args:
+        view: the container as the camera sees it.
+    """
+    cup, front, half = view.cup, view.camera_azimuth, view.side_half_angle
+    levels, middle = along_side(cup.fill_height), along_end(half)
+    around = np.ones(PLACES)
+    lines = [((front + side) * around, levels, True) for side in (half, -half)]
+    lines.append((front + middle, -cup.fill_height * around, False))
+    if cup.rim_level is not None:
+        rim = cup.rim_level * around
+        lines += [(front + turn + middle, rim, False) for turn in (0.0, np.pi)]
+    edges = []
+    for azimuth, level, is_side in lines:
+        edges.append(Edge(view.project(cup.outer_points(azimuth, level)), is_side))
+    return edges
+
+
+def on_inclined_wall(measurement: Measurement, cup: Cup, zero: float) -> Measurement:
+    """Converts a measurement from the equivalent upright wall to the container's inclined wall.
+
+    Args:
+        measurement: with upright heights, as `Cup.upright` gives them.
+        cup: the container.
+        zero: upright height of the still level, from which the heights are counted [m].
+    """
+    if not cup.taper:
+        return measurement
+    rest = float(cup.leaning(zero))
+
+    def height(upright: float) -> float:
+        return float(cup.leaning(upright + zero)) - rest
+
+    def stddev(spread: float, upright: float) -> float:
+        return spread / float(1.0 - cup.taper / cup.radius * (upright + zero)) ** 2
+
+    profile: Array = cup.leaning(measurement.profile_height + zero) - rest
+    return replace(
+        measurement,
+        msh=height(measurement.msh),
+        msh_stddev=stddev(measurement.msh_stddev, measurement.msh),
+        fitted_msh=height(measurement.fitted_msh),
+        fitted_msh_stddev=stddev(measurement.fitted_msh_stddev, measurement.fitted_msh),
+        sh_left=height(measurement.sh_left),
+        sh_right=height(measurement.sh_right),
+        profile_height=profile,
+        level_change=height(measurement.level_change),
+        level_change_stddev=stddev(measurement.level_change_stddev, measurement.level_change),
+    )

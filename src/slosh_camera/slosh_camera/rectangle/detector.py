@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.repeats import RepeatedFrames
 from slosh_camera.images.seams import SeamFinder
-from slosh_camera.images.still_edges import StillEdges
+from slosh_camera.images.still_edges import Edge, StillEdges, along_end, along_side
 from slosh_camera.measurement import NAN, Flag, Measurement, PeakSide
+from slosh_camera.optics.box import BoxView
 from slosh_camera.optics.calibration import SideCalibration
 from slosh_camera.optics.round_body import ELEVATION, RoundView
 from slosh_camera.rectangle.appearance import learnt_appearance
 from slosh_camera.rectangle.fit import FittedLine, refined_shape
-from slosh_camera.rectangle.outer_edges import outer_edges
 from slosh_camera.rectangle.profile import Profile, common_error, describe
 from slosh_camera.rectangle.region import find_side_region
 from slosh_camera.rectangle.round_wall import round_wall
@@ -266,3 +266,19 @@ def _measurement(
 
 def _azimuth(x: float) -> float:
     return 0.0 if x >= 0.0 else float(np.pi)
+
+
+def outer_edges(view: BoxView) -> list[Edge]:
+    """Projects the face's two sides, its floor and, if known, its rim into the image.
+
+    Args:
+        view: the container as the camera sees it.
+    """
+    box = view.box
+    half = 0.5 * box.width
+    levels, middle = along_side(box.fill_height), along_end(half)
+    edges = [Edge(view.project_face(side, levels), True) for side in (-half, half)]
+    edges.append(Edge(view.project_face(middle, -box.fill_height), False))
+    if box.rim_level is not None:
+        edges.append(Edge(view.project_face(middle, box.rim_level), False))
+    return edges
