@@ -216,7 +216,7 @@ def _rigid(data: PreparedForce, rigid: Array, across: Array) -> tuple[float, Arr
     total = np.linalg.norm((data.force - np.median(data.force, axis=0))[data.usable])
 
     def unlike(one: _Following) -> bool:
-        return abs(one.delay) > span - 2.0 * step or one.left > TUNING.unlike * total
+        return bool(abs(one.delay) > span - 2.0 * step or one.left > TUNING.unlike * total)
 
     best = _following(data, rigid, across)
     if data.inputs.attitude is not None:
