@@ -293,7 +293,6 @@ CASES = {
         "plan SHOP/model.yaml SHOP/path.csv --limit 0.02 -o OUT/a.csv --report OUT/new", "new"
     ),
     "intrinsics": Case(f"{INTRINSICS} -o OUT/a.yaml", "a.yaml"),
-    "intrinsics --picture": Case(f"{INTRINSICS} -o OUT/a.yaml --picture OUT/a.png", "a.png"),
     "intrinsics --print-board": Case(
         "intrinsics --board 8x5 --square 0.02 --print-board OUT/a.pdf", "a.pdf"
     ),

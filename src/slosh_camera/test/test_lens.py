@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 
+from slosh_camera.calibrate.board_views import format_camera
 from slosh_camera.calibrate.intrinsics import read_known_camera
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.intrinsics.solve import format_camera
 from slosh_camera.optics.camera import PinholeCamera, camera_from_info
 from slosh_camera.optics.cup import Cup, CupView, Wall
 from slosh_camera.optics.lens import COEFFICIENTS, lens_of, lens_parameters

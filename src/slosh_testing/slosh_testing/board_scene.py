@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -132,18 +132,6 @@ def render(
     image = 20.0 + 0.8 * cv2.GaussianBlur(image, (0, 0), 0.7)
     image += np.random.default_rng(seed).normal(0.0, 2.0, image.shape)
     return np.asarray(np.clip(image, 0, 255), np.uint8)
-
-
-def page_of(boxes: Iterable[Sequence[float]], width: float, height: float, scale: float) -> Image:
-    """Draws black boxes on a white page; lengths are in mm, the scale in px/m."""
-    page = np.full((round(height * scale / 1e3), round(width * scale / 1e3)), 255, np.uint8)
-    for box in boxes:
-        left, top, right, bottom = (
-            round(value * scale / 1e3)
-            for value in (box[0], box[1], box[0] + box[2], box[1] + box[3])
-        )
-        page[top:bottom, left:right] = 0
-    return page
 
 
 def chessboard_page(columns: int, rows: int, square: float, scale: float) -> Image:

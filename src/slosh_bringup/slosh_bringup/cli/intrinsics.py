@@ -1,13 +1,15 @@
-"""`slosh intrinsics`: estimates a camera's parameters from images of a calibration board."""
+"""`slosh intrinsics`: a camera's matrix and lens from pictures of a board; prints the board."""
 
 from __future__ import annotations
 
 import argparse
+import io
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import cv2
+import numpy as np
+from matplotlib.figure import Figure
 
 from slosh_base.files import check_apart, write_bytes, write_text
 from slosh_base.files.plain_text import plain_line
@@ -15,117 +17,87 @@ from slosh_bringup.cli.quantities import length
 from slosh_bringup.cli.quiet_decoders import quiet_decoders
 from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in
 from slosh_bringup.errors import SloshBringupError
-from slosh_camera.calibrate.board import FORMAT
+from slosh_camera.calibrate.aruco import drawn_board
+from slosh_camera.calibrate.board import FORMAT, Board
+from slosh_camera.calibrate.board_views import Chessboard, fit_camera, format_camera, parse_target
 from slosh_camera.images.colour import Image
 from slosh_camera.images.decoding import read_image
-from slosh_camera.intrinsics.drawing import draw_reprojection, missing_poses
-from slosh_camera.intrinsics.sheet import as_pdf, as_svg, sheet_of
-from slosh_camera.intrinsics.solve import IntrinsicFit, format_camera, solve_intrinsics
-from slosh_camera.intrinsics.views import CHESSBOARD_FORMAT, Target, find_views, parse_target
 from slosh_camera.optics.lens import COEFFICIENTS, PLUMB_BOB
 from slosh_report.json_values import plain
 
-_PICTURES, _SHEETS = (".png", ".jpg", ".jpeg"), (".pdf", ".svg")
+# ISO 216 sheets [mm]; the white around a board, without which its outer squares are not found.
+_SHEETS = ((210, 297), (297, 420), (420, 594), (594, 841), (841, 1189))
+_CAPTION, _RULE, _PIXELS = 14.0, 50.0, 20.0  # mm, mm, 1/mm
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `slosh intrinsics` to the argument parser."""
-    parser.add_argument(
-        "images",
-        nargs="*",
-        type=Path,
-        help="images of the calibration board, or folders of images",
-    )
-    parser.add_argument(
+    add = parser.add_argument
+    add("images", nargs="*", type=Path, help="images of the board, or folders of images")
+    add(
         "--board", required=True, metavar="BOARD",
-        help=f"board: {CHESSBOARD_FORMAT} inner corners of a chessboard, or {FORMAT}, lengths "
-        "in m",
+        help=f"COLSxROWS inner corners of a chessboard, or {FORMAT}, lengths in m",
     )  # fmt: skip
-    parser.add_argument(
-        "--square", type=length(1.0), metavar="M", help="side of a chessboard's square [m]"
-    )
-    parser.add_argument("-o", "--output", type=Path, help="name of the ost.yaml to write")
-    parser.add_argument(
+    add("--square", type=length(1.0), metavar="M", help="side of a chessboard's square [m]")
+    add("-o", "--output", type=Path, help="name of the ost.yaml to write")
+    add(
         "--lens", choices=tuple(COEFFICIENTS), default=PLUMB_BOB,
         help="distortion model to fit; equidistant for a fisheye lens (default plumb_bob)",
     )  # fmt: skip
-    parser.add_argument(
-        "--name", default="camera", help="name of the camera in the file (default camera)"
-    )
-    parser.add_argument(
-        "--picture",
-        type=Path,
-        metavar="OUT.png",
-        help="image to write: detected corners with magnified errors",
-    )
-    parser.add_argument(
-        "--print-board",
-        type=Path,
-        metavar="OUT.pdf",
-        help="sheet to write: the --board at true scale (.pdf or .svg)",
-    )
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    add("--name", default="camera", help="name of the camera in the file (default camera)")
+    add("--print-board", type=Path, metavar="OUT.pdf", help="sheet with the board to write, in "
+        "true size (.pdf or .svg)")  # fmt: skip
+    add("--json", action="store_true", help="print the result as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Writes a printable calibration board, or the estimated camera and its uncertainty."""
-    _check_asked(arguments)
-    target = parse_target(arguments.board, arguments.square)
-    files = _files(arguments.images)
-    check_apart([arguments.output, arguments.picture, arguments.print_board], files)
-    _check_suffix(arguments.picture, _PICTURES, "pictures")
-    _check_suffix(arguments.print_board, _SHEETS, "boards")
-    if arguments.print_board is not None:
-        _print_board(arguments.print_board, target)
-    if files:
-        _calibrate(arguments, files, target)
+    output, sheet = arguments.output, arguments.print_board
+    if arguments.images and output is None:
+        raise SloshBringupError("-o: is required with pictures")
+    if not arguments.images and (output is not None or sheet is None):
+        raise SloshBringupError("pictures: at least one is required")
+    board = parse_target(arguments.board, arguments.square)
+    files = [file for path in arguments.images for file in _files(path)]
+    check_apart([output, sheet], files)
+    if sheet is not None:
+        suffix = sheet.suffix.lower()
+        if suffix not in (".pdf", ".svg"):
+            raise SloshBringupError(f"{sheet}: boards are written as .pdf or .svg")
+        with io.BytesIO() as stream:
+            board_sheet(board).savefig(stream, format=suffix[1:])
+            write_bytes(sheet, stream.getvalue())
+    if not files:
+        return 0
+    fit = fit_camera(_pictures(files), board, arguments.lens)
+    write_text(output, format_camera(fit.camera, arguments.name))
+    lens, coefficients = fit.camera.distortion_model, list(fit.camera.distortion)
+    values = {name: getattr(fit.camera, name) for name in fit.stddev}
+    if arguments.json:
+        facts = {
+            "output": str(output), **values, "distortion_model": lens, "distortion": coefficients,
+            "stddev": fit.stddev, "rms": fit.rms, "used": fit.used, "left_out": fit.left_out,
+        }  # fmt: skip
+        print(json.dumps(plain(facts)))
+        return 0
+    for name, value in values.items():
+        print(f"{name:9}{value:9.2f} +- {fit.stddev[name]:.2f} px")
+    print(f"lens     {lens} {', '.join(f'{value:+.5f}' for value in coefficients)}")
+    count = len(fit.used) + len(fit.left_out)
+    print(f"residual {fit.rms:9.2f} px rms, {len(fit.used)} of {count} pictures used")
+    for name, reason in fit.left_out.items():
+        print(f"left out: {name}: {reason}")
+    print(plain_line(output))
     return 0
 
 
-def _check_asked(arguments: argparse.Namespace) -> None:
-    """Raises an error if options that exclude each other are given."""
-    if arguments.images and arguments.output is None:
-        raise SloshBringupError("-o: is required with pictures")
-    if not arguments.images and (arguments.output is not None or arguments.print_board is None):
-        raise SloshBringupError("pictures: at least one is required")
-    if arguments.picture is not None and not arguments.images:
-        raise SloshBringupError("--picture: needs pictures of the board")
-
-
-def _check_suffix(path: Path | None, suffixes: Sequence[str], what: str) -> None:
-    if path is not None and path.suffix.lower() not in suffixes:
-        raise SloshBringupError(f"{path}: {what} are written as {' or '.join(suffixes)}")
-
-
-def _files(paths: Sequence[Path]) -> list[Path]:
-    """Returns the image files; a folder is replaced by all images in it."""
-    files: list[Path] = []
-    for path in paths:
-        found = images_in(path) if path.is_dir() else [path]
-        if not found:
-            raise SloshBringupError(
-                f"{path}: no images ({', '.join(IMAGE_ENDINGS)}) in this folder"
-            )
-        files += found
-    return files
-
-
-def _print_board(path: Path, target: Target) -> None:
-    sheet = sheet_of(target)
-    if path.suffix.lower() == ".svg":
-        write_text(path, as_svg(sheet))
-    else:
-        write_bytes(path, as_pdf(sheet))
-
-
-def _calibrate(arguments: argparse.Namespace, files: Sequence[Path], target: Target) -> None:
-    fit = solve_intrinsics(find_views(_pictures(files), target), arguments.lens)
-    if arguments.picture is not None:
-        picture = cv2.imencode(arguments.picture.suffix, draw_reprojection(fit))[1]
-        write_bytes(arguments.picture, picture.tobytes())
-    write_text(arguments.output, format_camera(fit.camera, arguments.name))
-    as_words = _as_json if arguments.json else _as_text
-    print(as_words(fit, arguments.output))
+def _files(path: Path) -> Sequence[Path]:
+    if not path.is_dir():
+        return [path]
+    found = images_in(path)
+    if not found:
+        raise SloshBringupError(f"{path}: no images ({', '.join(IMAGE_ENDINGS)}) in this folder")
+    return found
 
 
 def _pictures(files: Sequence[Path]) -> Iterator[tuple[str, Image]]:
@@ -135,30 +107,48 @@ def _pictures(files: Sequence[Path]) -> Iterator[tuple[str, Image]]:
         yield str(file), picture
 
 
-def _as_text(fit: IntrinsicFit, output: Path) -> str:
-    lines = [
-        f"{name:9}{getattr(fit.camera, name):9.2f} +- {error:.2f} px"
-        for name, error in fit.stddev.items()
-    ]
-    lens = ", ".join(f"{value:+.5f}" for value in fit.camera.distortion)
-    lines.append(f"lens     {fit.camera.distortion_model} {lens}")
-    count = len(fit.views) + len(fit.left_out)
-    lines.append(f"residual {fit.rms:9.2f} px rms, {len(fit.views)} of {count} pictures used")
-    lines += [f"left out: {picture.name}: {picture.reason}" for picture in fit.left_out]
-    lines += [f"missing: {pose}" for pose in missing_poses(fit)]
-    return "\n".join([*lines, plain_line(output)])
+def board_sheet(board: Chessboard | Board) -> Figure:
+    """Draws a board in its true size on the smallest sheet, from A4, that holds it.
 
+    A line of 50 mm below it tells whether the printer kept the scale.
 
-def _as_json(fit: IntrinsicFit, output: Path) -> str:
-    facts = {
-        "output": str(output),
-        **{name: getattr(fit.camera, name) for name in fit.stddev},
-        "distortion_model": fit.camera.distortion_model,
-        "distortion": list(fit.camera.distortion),
-        "stddev": fit.stddev,
-        "rms": fit.rms,
-        "used": {view.view.name: view.rms for view in fit.views},
-        "left_out": {picture.name: picture.reason for picture in fit.left_out},
-        "missing": missing_poses(fit),
-    }
-    return json.dumps(plain(facts))
+    Raises:
+        SloshBringupError: it is larger than A0.
+    """
+    if isinstance(board, Chessboard):
+        columns, rows, side, gap = board.columns + 1, board.rows + 1, board.square, 0.0
+        words = f"{board.columns}x{board.rows} inner corners, squares {1e3 * side:g} mm"
+    else:
+        columns, rows, side = board.columns, board.rows, board.size
+        gap = 0.0 if board.charuco else board.inner
+        sizes = f"{1e3 * side:g} and {1e3 * board.inner:g} mm"
+        words = f"{columns}x{rows}, {sizes}, {board.dictionary}"
+    width, height = (1e3 * (count * (side + gap) - gap) for count in (columns, rows))
+    # White all around belongs to the board: without it the outer squares are not found.
+    rim = max(8.0, 500.0 * (side if isinstance(board, Chessboard) else board.inner))
+    needed = (max(width, 2.0 * _RULE) + 2.0 * rim, height + 2.0 * rim + _CAPTION)
+    pages = [page for sheet in _SHEETS for page in (sheet, sheet[::-1])]
+    page = next((p for p in pages if p[0] >= needed[0] and p[1] >= needed[1]), None)
+    if page is None:
+        raise SloshBringupError(
+            f"board: {needed[0]:.0f} x {needed[1]:.0f} mm is larger than A0; are its lengths in m?"
+        )
+    pixels = (round(_PIXELS * width), round(_PIXELS * height))
+    if isinstance(board, Chessboard):
+        down, right = (np.arange(n) * m // n for n, m in ((pixels[1], rows), (pixels[0], columns)))
+        image = (255 * ((down[:, None] + right) % 2)).astype(np.uint8)
+    else:
+        image = drawn_board(board.opencv()[0], *pixels)
+    figure = Figure(figsize=(page[0] / 25.4, page[1] / 25.4))
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.axis("off")
+    left, top = 0.5 * (page[0] - width), 0.5 * (page[1] - height - _CAPTION)
+    axes.imshow(
+        image, "gray", vmin=0, vmax=255, interpolation="none", aspect="auto",
+        extent=(left, left + width, top + height, top),
+    )  # fmt: skip
+    start, below = 0.5 * page[0] - _RULE, top + height + 0.7 * rim + 3.5
+    axes.text(start, below, f"{words}; the line is {_RULE:.0f} mm long", fontsize=9)
+    axes.plot([start, start + _RULE], [below + 3.0] * 2, color="black", linewidth=1.0)
+    axes.set(xlim=(0, page[0]), ylim=(page[1], 0))
+    return figure

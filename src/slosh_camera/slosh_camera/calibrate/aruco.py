@@ -56,21 +56,10 @@ def find_corners(
     return places, np.asarray(corners, dtype=np.float64).reshape(-1, 2)
 
 
-def markers_of(
-    board: Any, dictionary: Any
-) -> list[tuple[tuple[float, float], float, NDArray[np.bool_]]]:
-    """Returns top left corner (x, y) [m], side length [m] and white cells of each ArUco marker."""
-    places = board.getObjPoints() if _is_recent() else board.objPoints
-    numbers = np.ravel(board.getIds() if _is_recent() else board.ids)
-    draw = _aruco.generateImageMarker if _is_recent() else _aruco.drawMarker
-    cells = dictionary.markerSize + 2
-    found = []
-    for corners, number in zip(places, numbers, strict=True):
-        ends = np.asarray(corners, dtype=np.float64).reshape(4, 3)
-        x, y = (float(value) for value in ends[:, :2].min(axis=0))
-        white = np.asarray(draw(dictionary, int(number), cells)) > 0
-        found.append(((x, y), float(np.ptp(ends[:, 0])), white))
-    return found
+def drawn_board(board: Any, width: int, height: int) -> Image:
+    """Draws a board to its edges, as an image of this size [px]."""
+    draw = board.generateImage if hasattr(board, "generateImage") else board.draw
+    return np.asarray(draw((width, height), marginSize=0), np.uint8)
 
 
 def _is_recent() -> bool:

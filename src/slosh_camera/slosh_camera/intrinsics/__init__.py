@@ -1,1 +1,0 @@
-"""Estimates a camera's intrinsic parameters from images of a calibration board; prints boards."""
