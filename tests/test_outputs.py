@@ -140,7 +140,6 @@ INPUT_AS_OUTPUT = [
     (f"{CALIBRATE} -o OUT", "camera.yaml"),
     (f"{CALIBRATE} -o NEW.yaml --picture OUT", "still.png"),
     (f"{INTRINSICS} -o OUT", "boards/board_0.png"),
-    (f"{INTRINSICS} -o NEW.yaml --picture OUT", "boards/board_1.png"),
     (f"{INTRINSICS} -o NEW.yaml --print-board OUT", "boards/board_1.png"),
     (f"{DETECT} -o OUT", "images/frame_0.png"),
     (f"{DETECT} -o OUT", "camera.yaml"),
