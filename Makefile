@@ -5,7 +5,7 @@ MOTION ?= c3
 OUT ?= out/demo
 export ROS_PYTHON_CHECK_FIELDS ?= 1
 # The longest first, so that no worker is left with them in the end.
-TESTS := tests $(wildcard src/*/test)
+TESTS := tests $(wildcard src/*/test addons/*/test)
 # What must keep pace with a camera and a robot runs before the others: a busy machine fails it.
 REAL_TIME := src/slosh_bringup/test/test_cell_node.py tests/real_time
 # One worker more than there are cores: tests of live nodes wait for each other a third of the time.

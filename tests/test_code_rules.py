@@ -109,7 +109,7 @@ def test_ruff_refuses(tmp_path, planted):
 
 def test_import_linter_refuses_each_import_upwards(tmp_path):
     folder = rules(tmp_path)
-    for package in ROOT.glob("src/*/setup.py"):
+    for package in ROOT.glob("*/slosh*/setup.py"):
         name = package.parent.name
         for path in (package.parent / name).rglob("*.py"):
             copy = folder / path.relative_to(package.parent)
@@ -142,7 +142,7 @@ def other_ways(text):
 
 
 def test_browser_broker_and_ray_tracer_have_one_way():
-    files = [*ROOT.glob("src/*/test/**/*.py"), *ROOT.glob("tests/**/*.py")]
+    files = [*ROOT.glob("*/slosh*/test/**/*.py"), *ROOT.glob("tests/**/*.py")]
     files += ROOT.glob("validation/**/test_*.py")
     found = {
         str(path.relative_to(ROOT)): ways
@@ -180,12 +180,12 @@ def test_mypy_refuses_a_wrong_type(tmp_path):
     assert "Incompatible types in assignment" in done.stdout
 
 
-@pytest.mark.parametrize("path", sorted(ROOT.glob("src/*/slosh_*/**/tuning.py")), ids=str)
+@pytest.mark.parametrize("path", sorted(ROOT.glob("*/*/slosh_*/**/tuning.py")), ids=str)
 def test_every_tuning_number_is_used(path):
     names = set(re.findall(r"^    (\w+): .*= number\(", path.read_text(), re.MULTILINE))
     room = ".".join(path.relative_to(ROOT).with_suffix("").parts[2:])
     used = set()
-    for module in ROOT.glob("src/*/slosh_*/**/*.py"):
+    for module in ROOT.glob("*/*/slosh_*/**/*.py"):
         text = module.read_text()
         bound = re.search(rf"^from {room} import TUNING(?: as (\w+))?$", text, re.MULTILINE)
         if bound:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from debian_packages import ROOT, debian_name, depends, generate, rosdep_environment
 
-PACKAGES = sorted(path.parent for path in (ROOT / "src").glob("*/setup.py"))
+PACKAGES = sorted(path.parent for path in ROOT.glob("*/slosh*/setup.py"))
 
 
 def test_every_key_of_the_manifests_has_a_name():

@@ -40,7 +40,7 @@ def workspace(tmp_path_factory):
         text=True,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    count = len(list((ROOT / "src").glob("*/package.xml")))
+    count = len(list(ROOT.glob("*/slosh*/package.xml")))
     assert f"Summary: {count} packages finished" in done.stdout
     return folder / "lïnk to it", environment
 

@@ -11,7 +11,7 @@ from slosh_msgs.msg import FreeSurface, SloshEstimate
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = {
     path: path.read_text(encoding="utf-8")
-    for path in ROOT.glob("src/*/slosh*/**/*.py")
+    for path in ROOT.glob("*/slosh*/slosh*/**/*.py")
     if "test" not in path.parts
 }
 

@@ -94,7 +94,7 @@ def test_each_example_is_run():
 
 @pytest.mark.long
 def test_the_notebook_runs_in_the_projects_folder_and_in_its_own(tmp_path):
-    for name in ("bags", "src"):
+    for name in ("bags", "src", "addons"):
         (tmp_path / name).symlink_to(ROOT / name)
     cells = [text.rstrip(";") for text in code_of(NOTEBOOK)]
     cells.append("print(repr(response), repr(replayed), repr(finding), sep='\\n')")

@@ -19,14 +19,14 @@ from ament_index_python.packages import get_package_prefix
 from slosh_bringup.processes import NODES
 
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = sorted(path.parent for path in ROOT.glob("src/*/package.xml"))
+PACKAGES = sorted(path.parent for path in ROOT.glob("*/slosh*/package.xml"))
 PYTHON = [package for package in PACKAGES if (package / "setup.py").exists()]
 CHANGELOG = (ROOT / "CHANGELOG.md").read_text()
 LOCKS = ("ros", "runtime", "development")
 ORDER = (
     "slosh_base", "slosh_msgs", "slosh_msgs_py", "slosh_model", "slosh_metrics", "slosh_tables",
     "slosh_camera", "slosh_report", "slosh_bag", "slosh_estimator", "slosh_plan", "slosh_replay",
-    "slosh_discovery", "slosh_plc", "slosh_bringup", "slosh", "slosh_testing",
+    "slosh_discovery", "slosh_bringup", "slosh", "slosh_plc", "slosh_testing",
 )  # fmt: skip
 """A package imports those before it alone."""
 ROSDEP = {
@@ -93,7 +93,7 @@ def imported(package):
 
 
 def test_all_packages_are_there():
-    assert [package.name for package in PACKAGES] == sorted(ORDER)
+    assert sorted(package.name for package in PACKAGES) == sorted(ORDER)
 
 
 @pytest.mark.parametrize("package", PYTHON, ids=lambda path: path.name)
@@ -187,7 +187,8 @@ def test_programs_take_python_from_path(package):
 def test_every_node_is_a_program_of_its_package():
     """The launch file and `ros2 run` start it by its name."""
     for node, module in NODES.items():
-        assert scripts(ROOT / "src" / module.partition(".")[0])[node] == module
+        package = next(one for one in PYTHON if one.name == module.partition(".")[0])
+        assert scripts(package)[node] == module
 
 
 def test_the_parameter_file_states_the_defaults():

@@ -266,13 +266,14 @@ def flatten(option: str, paths: Iterable[Path]) -> list[str]:
 
 def workspace_inputs() -> list[bytes]:
     """Returns the data on which the workspace build depends, for detecting changes."""
-    patterns = ["*/package.xml", "*/setup.py", "*/setup.cfg", "*/CMakeLists.txt"]
+    patterns = [f"slosh*/{name}" for name in ("package.xml", "setup.py", "setup.cfg")]
+    patterns.append("slosh*/CMakeLists.txt")
     patterns += ["slosh_msgs/msg/*", "slosh_msgs/srv/*", "slosh_msgs/action/*"]
-    files = sorted(path for pattern in patterns for path in (ROOT / "src").glob(pattern))
+    files = sorted(path for pattern in patterns for path in ROOT.glob(f"*/{pattern}"))
     linked = sorted(
         str(path)
         for folder in ("launch", "config", "bin")
-        for path in (ROOT / "src").glob(f"*/{folder}/*")
+        for path in ROOT.glob(f"*/slosh*/{folder}/*")
         if path.is_file()  # Python keeps the code of a launch file beside it, in a folder
     )
     files.append(WORKSPACE / "colcon-defaults.yaml")
@@ -286,7 +287,7 @@ def build_workspace() -> None:
     for folder in ("build", "install", "log"):
         shutil.rmtree(WORKSPACE / folder, ignore_errors=True)
     environment = base_environment()
-    places, skipped = ["src"], []
+    places, skipped = ["src", "addons"], []
     if not PLAIN.fullmatch(f"{ROOT}{VENV}"):
         build_messages_elsewhere(environment)
         skipped = ["--packages-skip", MESSAGES]
@@ -347,16 +348,16 @@ def compiled_inputs() -> list[bytes]:
     environment = (VENV / ".environment").read_bytes()
     variables = ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME")
     places = [os.environ.get(name, "").encode() for name in variables]
-    files = sorted((ROOT / "src").glob("slosh_*/slosh_*/**/*.py"))
+    files = sorted(ROOT.glob("*/slosh_*/slosh_*/**/*.py"))
     return [environment, *places, *(path.read_bytes() for path in files)]
 
 
 def compile_functions() -> None:
     """Compiles all Numba functions in advance, so that no node has to wait for them."""
     # To bytecode first: where Python may write nothing, each process would do it anew.
-    to_bytecode((ROOT / "src").glob("*/slosh*"))
+    to_bytecode(ROOT.glob("*/slosh*/slosh*"))
     # What computes knows nothing of ROS 2, and does without the built workspace.
-    packages = ":".join(str(path.parent) for path in (ROOT / "src").glob("slosh_*/setup.py"))
+    packages = ":".join(str(path.parent) for path in ROOT.glob("*/slosh_*/setup.py"))
     command = [str(VENV / "bin/python"), "-m", "slosh_bringup.compiling"]
     environment = {**os.environ, "PYTHONPATH": packages}
     done = subprocess.run(command, cwd=ROOT, env=environment, check=False)

@@ -44,7 +44,7 @@ class Counts(NamedTuple):
 
 def counts_of(root: Path) -> dict[str, Counts]:
     """Returns the counts of each package below `src`."""
-    folders = sorted(path.parent for path in root.glob("src/*/package.xml"))
+    folders = sorted(path.parent for path in root.glob("*/slosh*/package.xml"))
     users = _users(root, folders)
     found = {}
     for folder in folders:

@@ -46,7 +46,7 @@ def main(arguments: list[str]) -> int:
     """Measures the coverage, then prints or writes the table; returns the tests' exit code."""
     shutil.rmtree(WORK, ignore_errors=True)
     WORK.mkdir(parents=True)
-    folders = [str(path.relative_to(ROOT)) for path in sorted(ROOT.glob("src/*/test"))]
+    folders = [str(path.relative_to(ROOT)) for path in sorted(ROOT.glob("*/slosh*/test"))]
     tests = _coverage("run", "-m", "pytest", *(arguments or [*QUICK, *folders]))
     _coverage("combine", "--quiet")
     _coverage("json", "--quiet", "-o", str(WORK / "coverage.json"))
@@ -73,7 +73,7 @@ def table(files: dict[str, dict[str, dict[str, int]]]) -> str:
     """
     lines: dict[str, list[int]] = defaultdict(lambda: [0, 0])
     for path, entry in files.items():
-        if not path.startswith("src/"):  # a copy that a test damages and runs
+        if not path.startswith(("src/", "addons/")):  # a copy that a test damages and runs
             continue
         package = Path(path).parts[1]
         for name in (package, "all"):

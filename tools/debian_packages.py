@@ -68,7 +68,7 @@ def main() -> int:
     output.mkdir(parents=True)
     packages = [
         path.parent
-        for path in sorted((ROOT / "src").glob("*/package.xml"))
+        for path in sorted(ROOT.glob("*/slosh*/package.xml"))
         if path.parent.name not in LEFT_OUT
     ]
     with tempfile.TemporaryDirectory() as name:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import effect_pages
 
-from slosh_bringup.cli.main import GROUPS, build_parser
+from slosh_bringup.cli.main import all_groups, build_parser
 from slosh_bringup.processes import NODES
 from slosh_model.effects.registry import EFFECTS
 from slosh_msgs_py.node.parameters import ParameterSpec
@@ -86,7 +86,7 @@ def filled(text: str, generated: str) -> str:
 def commands() -> str:
     """Lists all commands with purpose and options, in the order of `slosh --help`."""
     parts = []
-    for group, names in GROUPS.items():
+    for group, names in all_groups().items():
         lines = "\n".join(
             "<br>".join([f"- {linked(name)}: {text}", *(f"`{line}`" for line in usages(name))])
             for name, text in names.items()

@@ -10,7 +10,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 SCRIPTS = ("tools", "validation/scenes", "benchmarks", "validation/studies")
 TESTS = (
-    "src/*/test/*.py",
+    "*/slosh*/test/*.py",
     "tests/**/*.py",
     *(f"validation/{name}/*.py" for name in ("blind", "long_runs", "peers", "test_peers")),
 )
@@ -18,7 +18,7 @@ TESTS = (
 
 def main() -> int:
     """Runs mypy on all Python code; returns its exit code."""
-    roots = sorted(path.parent for path in ROOT.glob("src/*/setup.py"))
+    roots = sorted(path.parent for path in ROOT.glob("*/slosh*/setup.py"))
     packages = [str(root / root.name) for root in roots]
     # A script finds what lies beside it.
     beside = [ROOT, *(ROOT / name for name in SCRIPTS)]

@@ -12,6 +12,7 @@ Of the programs a wheel brings `slosh` alone; names such as `watch` would hide t
 from __future__ import annotations
 
 import argparse
+import configparser
 import os
 import re
 import shutil
@@ -28,6 +29,8 @@ from xml.etree import ElementTree
 
 ROOT = Path(__file__).resolve().parent.parent
 PROGRAM = "[console_scripts]\nslosh = slosh_bringup.cli.main:command\n"
+ADDONS = "slosh.addons"
+"""Entry points by which the command finds add-ons: all that is kept of those of a package."""
 OWNER = "slosh"
 """The package that brings the program, and what is written into bags of the messages."""
 MESSAGES = ROOT / "src" / "slosh_msgs" / "msg"
@@ -43,7 +46,7 @@ def main() -> int:
     output.mkdir(parents=True, exist_ok=True)
     for old in output.glob("slosh*.whl"):
         old.unlink()
-    packages = sorted(path.parent for path in (ROOT / "src").glob("*/setup.py"))
+    packages = sorted(path.parent for path in ROOT.glob("*/slosh*/setup.py"))
     packages.remove(ROOT / "src" / "slosh_testing")  # this repository's tests alone need it
     with tempfile.TemporaryDirectory() as name:
         wheels = [BuiltWheel(package, built(package, Path(name))) for package in packages]
@@ -136,11 +139,17 @@ def write_installable(wheel: BuiltWheel, output: Path, required: str) -> None:
         entry = record.replace("RECORD", "entry_points.txt")
         kept = [line for line in lines if not is_program(line.split(",")[0])]
         files = {name: source.read(name) for name in names}
+        points = configparser.ConfigParser(delimiters=("=",))
+        points.read_string(source.read(entry).decode() if entry in source.namelist() else "")
     metadata = record.replace("RECORD", "METADATA")
     # The description comes after an empty line. The old hash of the file is not kept.
     head, *rest = files[metadata].decode().partition("\n\n")
     files[metadata] = f"{head.rstrip()}\n{required.rstrip()}{''.join(rest)}".encode()
     kept = [f"{metadata},,\n" if line.startswith(f"{metadata},") else line for line in kept]
+    if points.has_section(ADDONS):
+        lines = [f"{name} = {value}\n" for name, value in points.items(ADDONS)]
+        files[entry] = "".join([f"[{ADDONS}]\n", *lines]).encode()
+        kept[-1:-1] = [f"{entry},,\n"]
     if wheel.name == OWNER:
         data = record.replace(".dist-info/RECORD", ".data/data/share/slosh_msgs/msg")
         added = {entry: PROGRAM.encode()}

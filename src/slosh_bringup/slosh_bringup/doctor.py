@@ -32,7 +32,6 @@ OWN_PACKAGES = (
     "slosh_plan",
     "slosh_replay",
     "slosh_discovery",
-    "slosh_plc",
     "slosh_bringup",
 )
 

@@ -31,11 +31,10 @@ from slosh_bringup.parameter_file import check_parameter_file
 from slosh_bringup.processes import (
     EXIT_WRONG_INPUT,
     LAST,
-    NODES,
     STOP_TIMEOUT,
     NodeProcess,
     config_folder,
-    kind_of,
+    module_of,
     pause,
     restarted,
 )
@@ -290,7 +289,7 @@ class LaunchedCell:
 
 def package_of(process: NodeProcess) -> str:
     """Returns the name of the ROS package that contains a node's program."""
-    return NODES[kind_of(process.name)].partition(".")[0]
+    return module_of(process.name).partition(".")[0]
 
 
 def time_to_stop(process: NodeProcess) -> float:
@@ -305,8 +304,7 @@ def typed_parameters(process: NodeProcess) -> dict[str, Any]:
         SloshBringupError: a value is refused; one line.
     """
     specs = {
-        spec.name: spec
-        for spec in importlib.import_module(NODES[kind_of(process.name)]).PARAMETERS
+        spec.name: spec for spec in importlib.import_module(module_of(process.name)).PARAMETERS
     }
     values: dict[str, Any] = {}
     for name, text in process.parameters.items():

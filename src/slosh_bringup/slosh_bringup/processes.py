@@ -21,6 +21,7 @@ from typing import BinaryIO, NamedTuple
 from slosh_bag.store.motion_ingest import LONGEST
 from slosh_bag.store.motion_ingest import PARAMETER as MOTIONS
 from slosh_base.files.installed import shared_folder
+from slosh_bringup.addons import add_ons
 from slosh_bringup.errors import SloshBringupError
 from slosh_msgs_py.node.lifeline import Lifelines
 from slosh_msgs_py.node.network import network_environment
@@ -34,13 +35,13 @@ NODES: Mapping[str, str] = {
     "markers": "slosh_bringup.nodes.markers_node",
     "monitor": "slosh_estimator.nodes.monitor_node",
     "planner": "slosh_plan.nodes.planner_node",
-    "plc": "slosh_plc.nodes.plc_node",
     "player": "slosh_bag.nodes.player_node",
     "predictor": "slosh_plan.nodes.predictor_node",
     "relay": "slosh_plan.nodes.relay_node",
     "recorder": "slosh_bag.nodes.recorder_node",
     "sensor": "slosh_estimator.nodes.sensor_node",
     "watch": "slosh_bringup.nodes.watch_node",
+    **{node: module for add_on in add_ons() for node, module in add_on.nodes.items()},
 }
 # Those that end by themselves.
 ENDING = ("cell", "player")
@@ -76,7 +77,7 @@ class NodeProcess:
 
     def command(self, namespace: str) -> list[str]:
         """Returns the command that starts the node, as a list of words."""
-        words = [sys.executable, "-m", NODES[kind_of(self.name)], "--ros-args"]
+        words = [sys.executable, "-m", module_of(self.name), "--ros-args"]
         words += ["-r", f"__ns:={namespace}", "-r", f"__node:={self.name}"]
         for path in self.parameter_files:
             words += ["--params-file", str(path)]
@@ -90,6 +91,18 @@ class NodeProcess:
 def kind_of(name: str) -> str:
     """Returns a node's type in NODES; the camera node of container `left` is `camera_left`."""
     return name if name in NODES else name.partition("_")[0]
+
+
+def module_of(name: str) -> str:
+    """Returns the module of a node.
+
+    Raises:
+        SloshBringupError: no installed package has it.
+    """
+    kind = kind_of(name)
+    if kind not in NODES:
+        raise SloshBringupError(f"{name}: no installed package or add-on has this node")
+    return NODES[kind]
 
 
 def _quoted(value: str) -> str:

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from slosh_bringup.cli import quantities
-from slosh_bringup.cli.main import COMMANDS, build_parser, main
+from slosh_bringup.cli.main import all_commands, build_parser, main
 from slosh_bringup.processes import config_folder
 from slosh_testing.commands import complaint, printed
 
@@ -116,7 +116,7 @@ def test_a_mistake_in_a_model_is_one_line_with_the_remedy(capsys, tmp_path, text
     assert "model.yaml:" in line
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", all_commands())
 def test_help_of_a_command_is_its_own_help(capsys, name):
     texts = []
     for words in (["help", name], [name, "--help"]):

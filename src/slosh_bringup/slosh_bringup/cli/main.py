@@ -18,6 +18,7 @@ from typing import Any, TextIO, cast
 
 from slosh_base.files.new_file import keep_others_from_writing
 from slosh_base.files.plain_text import PlainStream, plain_line
+from slosh_bringup.addons import add_ons
 from slosh_bringup.cli.parser import EXIT_WRONG_INPUT, SloshParser, grouped_help
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.stop_request import StopRequest
@@ -52,8 +53,6 @@ GROUPS: dict[str, dict[str, str]] = {
         "call": "call a service of a running node, as ros2 service call does",
         "mounting": "check a sensor's axes, signs and units against the robot's recorded motion",
         "watch": "serve the operator's page of a running cell or of a recording",
-        "plc": "serve a running cell's state over OPC UA, MQTT or Modbus TCP",
-        "certificates": "create and list the certificates of the OPC UA server and its clients",
     },
     "recordings": {
         "replay": "run the estimator and the monitor again on recorded bags",
@@ -72,7 +71,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "discover": "find where model and measurement disagree, and the effect that is missing",
     },
 }
-COMMANDS = {name: text for group in GROUPS.values() for name, text in group.items()}
+"""Subcommands of the core by their groups; add-ons bring more, see `all_groups`."""
 LIVE = ("demo", "cell")
 
 HELP = "help"
@@ -167,13 +166,29 @@ def build_parser(chosen: str | None) -> argparse.ArgumentParser:
         "-V", "--version", action=_Version, nargs=0, help="show the version and exit"
     )
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=SloshParser)
-    for name, summary in COMMANDS.items():
+    of_core = {name: text for group in GROUPS.values() for name, text in group.items()}
+    # Add-ons are looked for where one may be meant: finding them takes longer than all the rest.
+    for name, summary in (of_core if chosen in of_core else all_commands()).items():
         subparser = subparsers.add_parser(name, help=summary, description=summary)
         if name == chosen:
-            module = importlib.import_module(f"slosh_bringup.cli.{module_name(name)}")
+            module = importlib.import_module(command_module(name))
             module.add_arguments(subparser)
             subparser.set_defaults(run=module.run)
     return parser
+
+
+def all_groups() -> dict[str, dict[str, str]]:
+    """Returns the subcommands of the core and of all add-ons, by their groups in the help."""
+    groups = {group: dict(commands) for group, commands in GROUPS.items()}
+    for add_on in add_ons():
+        for name, command in add_on.commands.items():
+            groups.setdefault(command.group, {})[name] = command.summary
+    return groups
+
+
+def all_commands() -> dict[str, str]:
+    """Returns all subcommands with what they do, in the order of the help."""
+    return {name: text for group in all_groups().values() for name, text in group.items()}
 
 
 class _Slosh(SloshParser):
@@ -181,7 +196,7 @@ class _Slosh(SloshParser):
 
     def format_help(self) -> str:
         """Formats the help, with the subcommands in groups."""
-        return grouped_help(USAGE, GROUPS, END)
+        return grouped_help(USAGE, all_groups(), END)
 
 
 class _Version(argparse.Action):
@@ -194,9 +209,12 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def module_name(command: str) -> str:
+def command_module(command: str) -> str:
     """Returns the name of a subcommand's module; `import` is a Python keyword."""
-    return f"{command}_data" if command == "import" else command.replace("-", "_")
+    if not any(command in group for group in GROUPS.values()):
+        return next(one.commands[command].module for one in add_ons() if command in one.commands)
+    name = "import_data" if command == "import" else command.replace("-", "_")
+    return f"slosh_bringup.cli.{name}"
 
 
 def run_guarded(parsed: argparse.Namespace) -> int:

@@ -65,7 +65,7 @@ class Tomorrow(datetime):
 def test_an_expired_one_fails_the_check(folder, capsys, monkeypatch):
     main(["certificates", str(folder), "--create", "b", "--replace", "--days", "0.5"])
     capsys.readouterr()
-    monkeypatch.setattr("slosh_bringup.cli.certificates.datetime", Tomorrow)
+    monkeypatch.setattr("slosh_plc.certificates_command.datetime", Tomorrow)
     (row,) = listed(folder, capsys, code=1)
     assert "expired on" in row["complaint"]
 

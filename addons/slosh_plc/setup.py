@@ -40,5 +40,8 @@ setup(
     maintainer_email="slosh-monitor@users.noreply.github.com",
     description="Serves the state of a slosh cell to controllers: OPC UA, MQTT, Modbus TCP.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["plc = slosh_plc.nodes.plc_node:main"]},
+    entry_points={
+        "console_scripts": ["plc = slosh_plc.nodes.plc_node:main"],
+        "slosh.addons": ["plc = slosh_plc.addon:ADDON"],
+    },
 )
