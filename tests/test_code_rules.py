@@ -180,12 +180,12 @@ def test_mypy_refuses_a_wrong_type(tmp_path):
     assert "Incompatible types in assignment" in done.stdout
 
 
-@pytest.mark.parametrize("path", sorted(ROOT.glob("*/*/slosh_*/**/tuning.py")), ids=str)
+@pytest.mark.parametrize("path", sorted(ROOT.glob("*/slosh_*/slosh_*/**/tuning.py")), ids=str)
 def test_every_tuning_number_is_used(path):
     names = set(re.findall(r"^    (\w+): .*= number\(", path.read_text(), re.MULTILINE))
     room = ".".join(path.relative_to(ROOT).with_suffix("").parts[2:])
     used = set()
-    for module in ROOT.glob("*/*/slosh_*/**/*.py"):
+    for module in ROOT.glob("*/slosh_*/slosh_*/**/*.py"):
         text = module.read_text()
         bound = re.search(rf"^from {room} import TUNING(?: as (\w+))?$", text, re.MULTILINE)
         if bound:
