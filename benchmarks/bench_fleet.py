@@ -23,9 +23,9 @@ import pandas as pd
 from fleet_motions import bags_of_motions
 from measuring import need, parsed, timed
 
-from slosh_bringup.fleet_page import render_fleet
-from slosh_replay.fleet.query import query
-from slosh_replay.fleet.store import FleetStore
+from slosh_fleet.motions.motions_page import render_fleet
+from slosh_fleet.motions.query import query
+from slosh_fleet.motions.store import FleetStore
 
 GOAL_SECONDS = 2.0
 """Longest time of the query and of the page [s]."""

@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from slosh_base.files.nanoseconds import SECOND
-from slosh_replay.fleet.motion_row import MotionRow
+from slosh_fleet.motions.motion_row import MotionRow
 
 FIRST_NS = int(datetime(2026, 1, 5, 6, tzinfo=UTC).timestamp()) * SECOND
 DAY = 86_400

@@ -17,8 +17,6 @@ setup(
     ],
     install_requires=["setuptools", "numpy>=1.26", "scipy"],
     extras_require={
-        "fleet": ["duckdb>=1.2", "fsspec", "pyarrow"],
-        "storage": ["s3fs"],
         "notebook": ["matplotlib", "pandas"],
     },
     zip_safe=False,

@@ -21,8 +21,6 @@ setup(
             "index_page/*.j2",
             "index_page/*.js",
             "index_page/*.css",
-            "validation/*.j2",
-            "validation/*.css",
         ]
     },
     data_files=[
@@ -30,7 +28,6 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     install_requires=["setuptools", "jinja2", "matplotlib", "numpy>=1.26"],
-    extras_require={"pdf": ["fpdf2>=2.8"]},
     zip_safe=False,
     maintainer="Slosh Monitor maintainers",
     maintainer_email="slosh-monitor@users.noreply.github.com",

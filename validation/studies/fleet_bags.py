@@ -17,10 +17,10 @@ from slosh_bag.reader import BagReader
 from slosh_bag.recover import NotedDefinitions
 from slosh_base.files import new_folder
 from slosh_base.files.nanoseconds import SECOND
-from slosh_bringup.cli.ingest import ingest_task
 from slosh_bringup.discovery_task import discovery_task
 from slosh_bringup.replay.task import Task, replay_task
 from slosh_discovery.discovering import DiscoveryRequest
+from slosh_fleet.ingest_command import ingest_task
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 SOURCES: Final = tuple(ROOT / "bags" / name for name in ("l", "l3", "c", "c3", "e", "e3"))

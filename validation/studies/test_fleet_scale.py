@@ -4,7 +4,7 @@ import pytest
 from fleet_bags import MOTIONS, make_bag
 from fleet_scale import simulated
 
-from slosh_replay.fleet.motions import motions_of
+from slosh_fleet.motions.motions import motions_of
 
 
 def test_generated_bags_hold_motions_of_their_own(tmp_path):

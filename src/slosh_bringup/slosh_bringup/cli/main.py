@@ -56,12 +56,9 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "recordings": {
         "replay": "run the estimator and the monitor again on recorded bags",
-        "report": "write a signed validation report of a container and a motion, or check one",
         "play": "publish a bag over DDS with /clock, for live nodes",
         "import": "convert motion tables, other bags and public measured data to bags",
         "export": "export a bag's topics as CSV or Parquet, or its motion as a table",
-        "ingest": "add the motions of recordings to a store for queries over months",
-        "query": "query the stored motions by SQL, or write a page about them",
         "store": "show which bags of a cell's runs are kept, and delete old ones",
         "migrate": "rewrite model.yaml, cell.yaml, camera.yaml or manifest.yaml for this version",
         "recover": "recover the intact messages of an unfinished or damaged bag",
