@@ -16,9 +16,9 @@ import with_tools  # noqa: F401
 from result_tables import fill
 from tm20.design import DEPTH, FILL_HEIGHT, GEOMETRIES, RATIO, STROKE, Geometry
 
+from slosh_machines.design import NamedLaw, Stroke, designed, heights
+from slosh_machines.motion_map import motion_map
 from slosh_model import Model, Rectangle
-from slosh_plan.motion_map.design import NamedLaw, Stroke, designed, heights
-from slosh_plan.motion_map.motion_map import motion_map
 from slosh_plan.planning.limits import PlanLimits
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "shape.md"

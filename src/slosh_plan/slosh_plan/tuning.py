@@ -108,16 +108,6 @@ class PlanTuning:
     gantry_reserve: float = number(0.02, "1", "part of the height for moves that are not tried")
     gantry_short: float = number(0.05, "1", "shortest push by the liquid's period")
     gantry_exact: float = number(5e-3, "1", "part by which a limit may be too low")
-    # motion_map/
-    map_segments: int = number(8, "1", "segments of a stroke's law")
-    map_rows: int = number(400, "1", "samples of a stroke")
-    map_constants: float = number(3.0, "1", "time constants of the damping that are simulated")
-    map_fewest: float = number(3.0, "1", "fewest cycles that are simulated")
-    map_most: float = number(60.0, "1", "most cycles that are simulated")
-    map_rounds: int = number(4, "1", "linear programs of one speed")
-    map_change: float = number(1e-3, "1", "weight of the change from the next lower speed")
-    map_slack: float = number(0.01, "1", "part of acceleration and jerk that a design leaves")
-    map_halvings: int = number(3, "1", "how often an interval of two speeds is divided")
     # governor/governor.py
     governor_rate: float = number(100.0, "Hz", "steps a second, unless another rate is given")
     governor_timeout: float = number(0.1, "s", "time for which a command holds")

@@ -39,7 +39,6 @@ GROUPS: dict[str, dict[str, str]] = {
         "plan": "plan the fastest motion along a path that keeps the liquid below a height limit",
         "shape": "filter a motion so that it leaves no residual wave of the liquid's frequency",
         "motion": "write a packaging machine's motion as a motion table",
-        "motion-map": "find the stroke with the lowest waves for each speed of a machine",
     },
     "camera": {
         "intrinsics": "calibrate a camera's intrinsic parameters from pictures of a board",

@@ -5,10 +5,10 @@ import re
 import numpy as np
 import pytest
 
-from slosh_plan.motion_map.design import Stroke, StrokeHeights
-from slosh_plan.motion_map.motion_map import MapRow, MotionMap
-from slosh_plan.motion_map.profile import COUNT, Profile
-from slosh_plan.motion_map.structured_text import structured_text
+from slosh_machines.design import Stroke, StrokeHeights
+from slosh_machines.motion_map import MapRow, MotionMap
+from slosh_machines.profile import COUNT, Profile
+from slosh_machines.structured_text import structured_text
 from slosh_plan.planning.limits import PlanLimits
 
 TOKEN = re.compile(

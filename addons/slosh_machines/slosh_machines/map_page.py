@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from slosh_machines.design import NamedLaw, heights
+from slosh_machines.motion_map import MotionMap
 from slosh_model.model import Model
-from slosh_plan.motion_map.design import NamedLaw, heights
-from slosh_plan.motion_map.motion_map import MotionMap
 from slosh_report.page.svg import INK, LIMIT, LINEAR, NONLINEAR, canvas, style, svg_text
 from slosh_report.page.template import make_environment
 
@@ -29,7 +29,7 @@ def render_map(model: Model, found: MotionMap, name: str) -> str:
         found: the map.
         name: of the model's file.
     """
-    template = make_environment("slosh_bringup.predict").get_template("motion_map.html.j2")
+    template = make_environment("slosh_machines").get_template("motion_map.html.j2")
     charts = [_waves(model, found), _laws(found)]
     return template.render(found=found, name=name, charts=charts, compared=COMPARED)
 

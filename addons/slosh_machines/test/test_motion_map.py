@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
+from slosh_machines.design import NamedLaw, Stroke, designed, heights
+from slosh_machines.motion_map import motion_map
+from slosh_machines.profile import COUNT, Profile
+from slosh_machines.structured_text import structured_text, table_text
 from slosh_model import Cylinder, Inputs, Model, simulate
 from slosh_model.motion_profiles import LAWS
 from slosh_plan import SloshPlanError
-from slosh_plan.motion_map.design import NamedLaw, Stroke, designed, heights
-from slosh_plan.motion_map.motion_map import motion_map
-from slosh_plan.motion_map.profile import COUNT, Profile
-from slosh_plan.motion_map.structured_text import structured_text, table_text
 from slosh_plan.planning.limits import PlanLimits
 
 MODEL = Model(Cylinder(0.05, 0.07))

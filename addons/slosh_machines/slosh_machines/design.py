@@ -15,14 +15,14 @@ import numpy as np
 from scipy.optimize import linprog
 
 from slosh_base.types import Array, BoolArray
+from slosh_machines.profile import COUNT, Profile, moments, spline
+from slosh_machines.tuning import TUNING
 from slosh_model.batch import wall_heights
 from slosh_model.model import Model
 from slosh_model.motion_profiles import LAWS
 from slosh_model.simulate import Inputs
 from slosh_plan.heights import first_period, highest, msh_of
-from slosh_plan.motion_map.profile import COUNT, Profile, moments, spline
 from slosh_plan.planning.limits import PlanLimits
-from slosh_plan.tuning import TUNING
 
 MINUTE = 60.0
 
@@ -73,7 +73,7 @@ class Stroke:
     def inputs(self, profile: Law, speed: float, cycles: float) -> Inputs:
         """Returns the container's acceleration over a number of cycles, as the models' input."""
         duration, cycle = self.duration(speed), self.cycle(speed)
-        step = duration / TUNING.map_rows
+        step = duration / TUNING.rows
         t: Array = step * np.arange(math.ceil(cycles * cycle / step) + 1, dtype=np.float64)
         pace = self.length / duration**2
         pushed = np.zeros((len(t), 3))
@@ -114,8 +114,8 @@ def heights(model: Model, stroke: Stroke, profile: Law, speed: float) -> StrokeH
     """
     mode = model.mode_constants()[0]
     decay = 1.0 / max(mode.damping_ratio * mode.natural_frequency, 1e-6)
-    cycles = TUNING.map_constants * decay / stroke.cycle(speed)
-    cycles = math.ceil(min(max(cycles, TUNING.map_fewest), TUNING.map_most))
+    cycles = TUNING.constants * decay / stroke.cycle(speed)
+    cycles = math.ceil(min(max(cycles, TUNING.fewest), TUNING.most))
     inputs = stroke.inputs(profile, speed, cycles)
     (found,) = highest(model, [inputs])
     msh = msh_of(model.container, found.heights)
@@ -149,7 +149,7 @@ def designed(
     linear = np.column_stack([both[:, 0] for both in wall_heights(model.linear(), inputs)])
     moving = inputs[0].t <= duration
     correction, best, lowest = np.zeros(len(linear)), before, math.inf
-    for _ in range(TUNING.map_rounds):
+    for _ in range(TUNING.rounds):
         found = _program(linear, correction, moving, stroke.length, duration, limits, before)
         if found is None:
             break
@@ -176,8 +176,8 @@ def _program(
     before: Profile | None,
 ) -> Profile | None:
     """Finds the spline weights of the time law with the lowest waves by a linear program."""
-    u = np.linspace(0.0, 1.0, TUNING.map_rows // 2 + 1)
-    acceleration, share = spline(np.eye(COUNT)), 1.0 - TUNING.map_slack
+    u = np.linspace(0.0, 1.0, TUNING.rows // 2 + 1)
+    acceleration, share = spline(np.eye(COUNT)), 1.0 - TUNING.slack
     shares = [
         acceleration(u) * length / duration**2 / (share * limits.acceleration),
         acceleration.derivative()(u) * length / duration**3 / (share * limits.jerk),
@@ -210,7 +210,7 @@ def _program(
         parts.append((change, np.concatenate([before.weights, -before.weights])))
     cost = np.zeros(size)
     cost[[peak, residual]] = 1.0
-    cost[COUNT + 2 :] = TUNING.map_change / COUNT
+    cost[COUNT + 2 :] = TUNING.change / COUNT
     equal = np.zeros((2, size))
     equal[:, :COUNT] = moments()
     bounds = [(None, None)] * COUNT + [(0.0, None)] * (COUNT + 2)

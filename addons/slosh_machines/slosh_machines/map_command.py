@@ -17,12 +17,12 @@ from slosh_bringup.cli.progress import share_bar
 from slosh_bringup.cli.quantities import FRACTION, HEIGHT
 from slosh_bringup.cli.rim_option import add_rim_distance
 from slosh_bringup.errors import SloshBringupError
+from slosh_machines.design import Stroke
+from slosh_machines.motion_map import MOST, MotionMap, motion_map
+from slosh_machines.structured_text import structured_text, table_text
 from slosh_model.model_text import read_model
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.limits import HeightLimits
-from slosh_plan.motion_map.design import Stroke
-from slosh_plan.motion_map.motion_map import MOST, MotionMap, motion_map
-from slosh_plan.motion_map.structured_text import structured_text, table_text
 from slosh_plan.planning.limits import ACCELERATION, JERK, RESIDUAL, PlanLimits
 
 TABLE, BLOCK, PAGE = "map.csv", "stroke.st", "report.html"
@@ -135,7 +135,7 @@ def run(arguments: argparse.Namespace) -> int:
                     model, stroke, arguments.speeds, limits, lambda share: progress("", share)
                 )
             # It loads matplotlib, which is slow.
-            from slosh_bringup.motion_map_page import render_map
+            from slosh_machines.map_page import render_map
 
             write_text(folder / TABLE, table_text(found))
             write_text(folder / BLOCK, structured_text(found))

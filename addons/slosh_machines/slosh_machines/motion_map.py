@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from slosh_base.types import Array
+from slosh_machines.design import Stroke, StrokeHeights, designed, heights
+from slosh_machines.profile import Profile
+from slosh_machines.tuning import TUNING
 from slosh_model.model import Model
 from slosh_plan.errors import SloshPlanError
-from slosh_plan.motion_map.design import Stroke, StrokeHeights, designed, heights
-from slosh_plan.motion_map.profile import Profile
 from slosh_plan.planning.limits import PlanLimits
-from slosh_plan.tuning import TUNING
 
 SHARES = (0.25, 0.5, 0.75)
 """Places between two speeds of the map at which the interpolated law is simulated."""
@@ -149,7 +149,7 @@ def _joined(
         checked += between
         rows.append(row)
         return True
-    if depth == TUNING.map_halvings:
+    if depth == TUNING.halvings:
         return False
     middle = _row(model, stroke, 0.5 * (rows[-1].speed + row.speed), limits, rows)
     return _joined(model, stroke, middle, limits, rows, checked, depth + 1) and _joined(

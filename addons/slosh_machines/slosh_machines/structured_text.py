@@ -7,8 +7,8 @@ import io
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_plan.motion_map.design import MINUTE
-from slosh_plan.motion_map.motion_map import MotionMap
+from slosh_machines.design import MINUTE
+from slosh_machines.motion_map import MotionMap
 
 POWERS = 8
 """Coefficients of a segment: v⁰ to v⁷."""

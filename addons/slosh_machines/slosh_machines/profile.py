@@ -8,14 +8,14 @@ import numpy as np
 from scipy.interpolate import BSpline, PPoly
 
 from slosh_base.types import Array
-from slosh_plan.tuning import TUNING
+from slosh_machines.tuning import TUNING
 
 DEGREE = 5
 """Degree of the acceleration's spline; the position's is higher by two."""
 KNOTS = np.concatenate(
-    [np.zeros(DEGREE), np.linspace(0.0, 1.0, TUNING.map_segments + 1), np.ones(DEGREE)]
+    [np.zeros(DEGREE), np.linspace(0.0, 1.0, TUNING.segments + 1), np.ones(DEGREE)]
 )
-COUNT = TUNING.map_segments + DEGREE - 2
+COUNT = TUNING.segments + DEGREE - 2
 """Weights of a law: those at both ends are zero, so that the acceleration begins and ends at 0."""
 
 
