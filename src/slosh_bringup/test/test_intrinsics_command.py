@@ -58,8 +58,8 @@ def test_what_cannot_be_is_one_line(folder, tmp_path, capsys):
         ([*BOARD], "pictures: at least one is required"),
         ([tmp_path / "empty", *BOARD, "-o", ost], "empty: no images ("),
         ([tmp_path / "no.png", *BOARD, "-o", ost], "no.png: cannot be read: No such file"),
-        ([*BOARD, "--print-board", tmp_path / "b.doc"], "b.doc: boards are written as .pdf or"),
-        ([first, *BOARD, "-o", ost, "--picture", tmp_path / "p.gif"], "p.gif: pictures are"),
+        ([*BOARD, "--print-board", tmp_path / "b.doc"], "b.doc: a board must end in .pdf or"),
+        ([first, *BOARD, "-o", ost, "--picture", tmp_path / "p.gif"], "p.gif: a picture must"),
         ([*BOARD, "--print-board", tmp_path / "b.pdf", "--picture", "p.png"], "--picture: needs"),
     ):
         assert said in complaint(capsys, "intrinsics", *words), said

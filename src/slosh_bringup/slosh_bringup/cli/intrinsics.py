@@ -11,8 +11,9 @@ import cv2
 
 from slosh_base.files import check_apart, write_bytes, write_text
 from slosh_base.files.plain_text import plain_line
+from slosh_base.files.quiet_decoders import quiet_decoders
+from slosh_bringup.cli.output_names import YAML, check_ending
 from slosh_bringup.cli.quantities import length
-from slosh_bringup.cli.quiet_decoders import quiet_decoders
 from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibrate.board import FORMAT
@@ -73,8 +74,9 @@ def run(arguments: argparse.Namespace) -> int:
     target = parse_target(arguments.board, arguments.square)
     files = _files(arguments.images)
     check_apart([arguments.output, arguments.picture, arguments.print_board], files)
-    _check_suffix(arguments.picture, _PICTURES, "pictures")
-    _check_suffix(arguments.print_board, _SHEETS, "boards")
+    check_ending(arguments.output, "a camera's file", YAML)
+    check_ending(arguments.picture, "a picture", _PICTURES)
+    check_ending(arguments.print_board, "a board", _SHEETS)
     if arguments.print_board is not None:
         _print_board(arguments.print_board, target)
     if files:
@@ -90,11 +92,6 @@ def _check_asked(arguments: argparse.Namespace) -> None:
         raise SloshBringupError("pictures: at least one is required")
     if arguments.picture is not None and not arguments.images:
         raise SloshBringupError("--picture: needs pictures of the board")
-
-
-def _check_suffix(path: Path | None, suffixes: Sequence[str], what: str) -> None:
-    if path is not None and path.suffix.lower() not in suffixes:
-        raise SloshBringupError(f"{path}: {what} are written as {' or '.join(suffixes)}")
 
 
 def _files(paths: Sequence[Path]) -> list[Path]:

@@ -12,6 +12,7 @@ from typing import Any
 
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.ingest import add_store
+from slosh_bringup.cli.output_names import PAGE, check_ending
 from slosh_bringup.errors import SloshBringupError
 
 EPILOG = """The table is called motions; --list prints its columns. For example
@@ -47,6 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.sql is None and arguments.page is None:
         raise SloshBringupError("give an SQL statement, --page FILE.html or --list")
     store = FleetStore(arguments.store)
+    check_ending(arguments.page, "a page", PAGE)
     if arguments.page is not None:
         from slosh_base.files import write_text
         from slosh_bringup.fleet_page import render_fleet
