@@ -153,7 +153,7 @@ def test_what_is_installed_takes_the_oldest_python_of_each_system():
             if "==" not in line:
                 continue
             try:
-                needs = SpecifierSet(metadata(name).get("Requires-Python") or "")
+                needs = SpecifierSet(str(metadata(name).json.get("requires_python", "")))
             except PackageNotFoundError:  # of an extra
                 continue
             assert needs.contains("3.11.2"), line
