@@ -84,7 +84,7 @@ def _ring(scene: Scene, height: float, degrees: tuple[float, float]) -> np.ndarr
     azimuth = scene.camera_azimuth + np.deg2rad(np.linspace(*degrees, 61))
     across = scene.radius * np.column_stack((np.cos(azimuth), np.sin(azimuth)))
     points = np.column_stack((across, np.full(61, height)))
-    return np.rint(scene.project(points) * 16).astype(np.int32)
+    return np.asarray(np.rint(scene.project(points) * 16).astype(np.int32))
 
 
 def _line(image: np.ndarray, points: np.ndarray, colour: tuple[int, ...], thick: int) -> None:
