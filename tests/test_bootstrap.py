@@ -5,10 +5,12 @@ import re
 import shlex
 import subprocess
 import sys
+from importlib.metadata import PackageNotFoundError, metadata
 from pathlib import Path
 
 import bootstrap
 import pytest
+from packaging.specifiers import SpecifierSet
 
 FOLDER = "Käse it's mine"
 
@@ -141,3 +143,18 @@ def test_only_tests_and_measurements_pay_for_the_extras():
     recipe = re.search(r"^test-setup:\n\t(.*)$", text, re.MULTILINE)
     assert recipe is not None
     assert recipe[1].endswith("bootstrap.py --tests")
+
+
+def test_what_is_installed_takes_the_oldest_python_of_each_system():
+    """Debian 12 has Python 3.11.2, Ubuntu 24.04 has 3.12.3."""
+    for pinned in bootstrap.ROOT.glob("requirements/*.txt"):
+        for line in pinned.read_text().splitlines():
+            name = line.partition("==")[0].strip()
+            if "==" not in line:
+                continue
+            try:
+                needs = SpecifierSet(str(metadata(name).json.get("requires_python", "")))
+            except PackageNotFoundError:  # of an extra
+                continue
+            assert needs.contains("3.11.2"), line
+            assert needs.contains("3.12.3"), line

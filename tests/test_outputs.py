@@ -518,7 +518,7 @@ ALLOWED = {
     "slosh_bag/recorder.py": "the space that it reserves beside the bag's files",
     "slosh_bringup/finished_work.py": "removes its own notes",
     "slosh_bringup/processes.py": "a node's log, in the folder of its run",
-    "slosh_bringup/cli/quiet_decoders.py": "open(os.devnull)",
+    "slosh_base/files/quiet_decoders.py": "open(os.devnull)",
     "slosh_bringup/simulate/chart.py": "savefig into a NewFile",
     "slosh_model/for_notebooks.py": "savefig into memory",
     "slosh_report/page/svg.py": "savefig into memory",

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from slosh_base.files.plain_text import plain_line
+from slosh_bringup.cli.output_names import PAGE, check_ending
 from slosh_bringup.errors import SloshBringupError
 from slosh_fleet.ingest_command import add_store
 
@@ -47,6 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.sql is None and arguments.page is None:
         raise SloshBringupError("give an SQL statement, --page FILE.html or --list")
     store = FleetStore(arguments.store)
+    check_ending(arguments.page, "a page", PAGE)
     if arguments.page is not None:
         from slosh_base.files import write_text
         from slosh_fleet.motions.motions_page import render_fleet

@@ -182,6 +182,7 @@ class QuantityKind:
         most: largest value that is taken.
         typical: of two units that a refused value may be in, the one nearer to this is proposed.
         others: units that people type by mistake, in SI.
+        or_none: 0 is taken, too: there is none.
     """
 
     words: str
@@ -190,6 +191,7 @@ class QuantityKind:
     most: float
     typical: float
     others: Mapping[str, float]
+    or_none: bool = False
 
     def check(self, name: str, value: float) -> float:
         """Returns the value if it is in the allowed range, otherwise raises an error.
@@ -201,6 +203,8 @@ class QuantityKind:
         Raises:
             SloshBringupError: it is outside the limits; with the unit that it looks like.
         """
+        if value == 0.0 and self.or_none:
+            return value
         if math.isfinite(value) and self.least <= value <= self.most:
             return value
         told = f"{name} = {value:g} {self.unit}"
@@ -224,8 +228,10 @@ class QuantityKind:
         return abs(math.log(value / self.typical)) if value > 0.0 else math.inf
 
 
-def _length(words: str, least: float, most: float, typical: float) -> QuantityKind:
-    return QuantityKind(words, "m", least, most, typical, _LENGTHS)
+def _length(
+    words: str, least: float, most: float, typical: float, *, or_none: bool = False
+) -> QuantityKind:
+    return QuantityKind(words, "m", least, most, typical, _LENGTHS, or_none)
 
 
 # From a test tube to a tank on wheels.
@@ -238,7 +244,7 @@ QUANTITIES: Mapping[str, QuantityKind] = {
     "depth": _length("inner depth along y", 4e-3, 4.0, 0.1),
     "fill_height": _length("height of the liquid at rest above the inner floor", 2e-3, 4.0, 0.07),
     "rim_height": _length("height of the rim above the inner floor", 2e-3, 4.0, 0.12),
-    "wall": _length("thickness of the wall", 0.0, 0.05, 2e-3),
+    "wall": _length("thickness of the wall", 1e-5, 0.05, 2e-3, or_none=True),
     "density": QuantityKind("density", "kg/m3", 100.0, 2e4, 1e3, {"g/cm3": 1e3}),
     "viscosity": QuantityKind(
         "kinematic viscosity", "m2/s", 1e-8, 0.02, 1e-6, {"mm2/s": 1e-6, "cm2/s": 1e-4}

@@ -196,16 +196,25 @@ def test_what_nobody_told_is_said(capsys, tmp_path, still, intrinsics):
     assert said("--camera", intrinsics, *GLASS) == []
 
 
-@pytest.mark.long
-def test_a_wrong_fill_height_is_noticed_at_the_floor(capsys, tmp_path, still, intrinsics):
+@pytest.mark.parametrize(
+    ("away", "told"),
+    [
+        (-0.012, "the container's sides go on below the line that fits the still level by more"),
+        pytest.param(
+            0.012,
+            "the floor's edge is not where the dimensions predict it",
+            marks=pytest.mark.long,
+        ),
+    ],
+)
+def test_a_wrong_fill_height_is_noticed(capsys, tmp_path, still, intrinsics, away, told):
     output = tmp_path / "camera.yaml"
-    container = ["--radius", CUP.radius, "--fill-height", CUP.fill_height - 0.012]
+    container = ["--radius", CUP.radius, "--fill-height", CUP.fill_height + away]
     words = ["calibrate", still, "--camera", intrinsics, *container, *GLASS, "-o", output]
-    assert main([str(word) for word in words]) == 0
-    assert (
-        "warning: the floor's edge is not where the dimensions predict it"
-        in capsys.readouterr().out
-    )
+    code = main([str(word) for word in words])
+    printed = capsys.readouterr()
+    assert told in (printed.err if code else printed.out)
+    assert output.exists() == (code == 0)
 
 
 def test_bad_input_is_one_line(capsys, tmp_path, still, intrinsics):

@@ -92,7 +92,7 @@ def test_what_cannot_be_is_one_line(folder, tmp_path, capsys):
         ([*BOARD], "pictures: at least one is required"),
         ([tmp_path / "empty", *BOARD, "-o", ost], "empty: no images ("),
         ([tmp_path / "no.png", *BOARD, "-o", ost], "no.png: cannot be read: No such file"),
-        ([*BOARD, "--print-board", tmp_path / "b.doc"], "b.doc: boards are written as .pdf or"),
+        ([*BOARD, "--print-board", tmp_path / "b.doc"], "b.doc: a board must end in .pdf or"),
     ):
         assert said in complaint(capsys, "intrinsics", *words), said
     assert [path.name for path in tmp_path.iterdir()] == ["empty"]

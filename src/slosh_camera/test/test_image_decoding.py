@@ -48,12 +48,17 @@ def test_the_upper_byte_counts_whatever_the_byte_order():
 
 
 @pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
-@pytest.mark.parametrize("encoding", ["mono16", "16UC1", "bgr16", "16UC3", "rgb16"])
+@pytest.mark.parametrize(
+    "encoding",
+    ["mono16", "16UC1", "Mono12", "bgr16", "16UC3", "rgb16", "bgra16", "16UC4", "rgba16"],
+)
 def test_of_16_bits_those_count_that_the_camera_fills(encoding, bits):
-    wanted = GRAY if encoding in ("mono16", "16UC1") else COLOUR
+    wanted = GRAY if encoding in ("mono16", "16UC1", "Mono12") else COLOUR
     stored = wanted.astype("<u2") << (bits - 8)
-    if encoding == "rgb16":
+    if encoding.startswith("rgb"):
         stored = stored[..., ::-1]
+    if encoding in ("bgra16", "16UC4", "rgba16"):
+        stored = np.dstack([stored, stored[..., 0]])
     stored = np.ascontiguousarray(stored)
     image = to_image(encoding, 12, 20, stored.nbytes // 12, stored.tobytes())
     np.testing.assert_array_equal(image, wanted)
@@ -63,7 +68,7 @@ YUV_COLOUR = np.array([30, 90, 200])  # blue, green, red
 YUV = {
     # One brightness for each pixel, the colour differences where the encoding has them.
     "yuv422": "uyvy", "uyvy": "uyvy", "yuv422_yuy2": "yuyv", "yuyv": "yuyv",
-    "nv12": "uv", "nv21": "vu",
+    "nv12": "uv", "nv21": "vu", "i420": "uv", "yuv420": "uv", "yv12": "vu", "NV12": "uv",
 }  # fmt: skip
 
 
@@ -79,7 +84,10 @@ def test_brightness_and_colour_differences_become_colours(encoding, padding):
         "v": round(128.0 + 112.0 * red - 93.786 * green - 18.214 * blue),
     }
     order = YUV[encoding]
-    if encoding.startswith("nv"):
+    if encoding in ("i420", "yuv420", "yv12"):
+        padding = 0
+        rows = [[parts["y"]] * 20] * 12 + [[parts[name]] * 20 for name in order for _ in range(3)]
+    elif encoding.lower().startswith("nv"):
         rows = [[parts["y"]] * 20] * 12 + [[parts[name] for name in order] * 10] * 6
     else:
         rows = [[parts[name] for name in order] * 10] * 12
@@ -92,8 +100,24 @@ def test_brightness_and_colour_differences_become_colours(encoding, padding):
 def test_distances_are_no_picture():
     with pytest.raises(SloshCameraError, match="holds distances"):
         to_image("32FC1", 12, 20, 80, bytes(960))
+    with pytest.raises(SloshCameraError, match="which value is white"):
+        to_image("32FC3", 12, 20, 240, bytes(2880))
     with pytest.raises(SloshCameraError, match="holds distances"):
         decode_compressed("16UC1; compressedDepth png", b"0" * 40)
+
+
+@pytest.mark.parametrize(
+    ("other", "name"),
+    [("Mono8", "mono8"), ("BGR8", "bgr8"), ("RGB8", "rgb8"), ("8uc3", "8UC3"),
+     ("BayerRG8", "bayer_rggb8"), ("BayerGB12", "bayer_gbrg16"), ("YUYV", "yuyv")],
+)  # fmt: skip
+def test_other_spellings_of_an_encoding(other, name):
+    step = 60 if "8" in name and name.lower() in ("bgr8", "rgb8", "8uc3") else 20
+    step = 40 if name in ("bayer_gbrg16", "yuyv") else step
+    data = np.random.default_rng(1).integers(0, 256, 12 * step, dtype=np.uint8).tobytes()
+    np.testing.assert_array_equal(
+        to_image(other, 12, 20, step, data), to_image(name, 12, 20, step, data)
+    )
 
 
 @pytest.mark.parametrize("pattern", ["rggb", "bggr", "gbrg", "grbg"])
@@ -128,7 +152,9 @@ def test_colours_are_weighted_by_their_place(order):
         (("yuv422", 12, 19, 40, bytes(480)), "even"),
         (("nv12", 12, 20, 20, GRAY.tobytes()), "18 rows"),
         (("yuv420_planar", 12, 20, 20, GRAY.tobytes()), "not supported"),
-        (("", 12, 20, 20, GRAY.tobytes()), "encoding"),
+        (("", 12, 20, 20, GRAY.tobytes()), "driver must fill it"),
+        (("i420", 12, 20, 24, bytes(18 * 24)), "padded planes"),
+        (("i420", 12, 19, 19, bytes(18 * 19)), "even"),
         (("mono8", 0, 0, 0, b""), "empty"),
         (("mono8", 12, 0, 0, b""), "empty"),
         (("mono8", 12, 20, 19, GRAY.tobytes()), "step"),
@@ -156,11 +182,13 @@ def test_images_that_cannot_be(arguments, word):
         (".jpg", "bgr8; jpeg compressed bgr8", 6),
         (".png", "png", 0),
         (".png", "mono8; png compressed", 0),
+        (".webp", "webp", 6),
+        (".webp", "bgr8; webp compressed bgr8", 6),
     ],
 )
 def test_compressed_images(suffix, name, tolerance):
     data = cv2.imencode(suffix, SMOOTH)[1].tobytes()
-    gray = decode_compressed(name, data)
+    gray = to_gray(decode_compressed(name, data))
     assert np.max(np.abs(gray.astype(int) - SMOOTH)) <= tolerance
 
 
@@ -193,3 +221,24 @@ def test_a_file_that_is_no_image_is_named(tmp_path, content):
 def test_other_formats_are_refused():
     with pytest.raises(SloshCameraError, match="rvl"):
         decode_compressed("16UC1; rvl", b"abc")
+
+
+WEBP = cv2.imencode(".webp", np.dstack([SMOOTH] * 3))[1].tobytes()
+LOSSLESS = cv2.imencode(".webp", np.dstack([SMOOTH] * 4), [cv2.IMWRITE_WEBP_QUALITY, 101])[1]
+
+
+@pytest.mark.parametrize("data", [WEBP, LOSSLESS.tobytes()], ids=["lossy", "lossless"])
+def test_a_webp_file_is_read_whole_or_not_at_all(data):
+    assert decode_compressed("webp", data).shape == (48, 64, 3)
+    for length in range(1, len(data), 7):
+        with pytest.raises(SloshCameraError, match=r"not a complete|could not be decoded"):
+            decode_compressed("webp", data[:length])
+
+
+def test_a_webp_file_of_too_many_pixels_is_not_decoded():
+    wide = b"RIFF" + (22).to_bytes(4, "little") + b"WEBPVP8X" + (10).to_bytes(4, "little")
+    with pytest.raises(SloshCameraError, match="16384 x 16384 pixels, more than"):
+        decode_compressed("webp", wide + bytes(4) + b"\xff\x3f\0" * 2)
+    film = wide + b"\x02" + bytes(3) + b"\x3f\0\0" * 2
+    with pytest.raises(SloshCameraError, match="holds a film"):
+        decode_compressed("webp", film)

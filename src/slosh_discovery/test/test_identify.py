@@ -358,7 +358,9 @@ def test_impossible_values_give_no_model():
 @pytest.mark.parametrize(
     ("height", "acceleration", "match"),
     [
-        (0.0, 1.0, "all heights are 0: nothing was measured"),
+        (0.0, 1.0, "all heights are 0 to a micrometre: nothing was measured"),
+        (1e-300, 1.0, "all heights are 0 to a micrometre: nothing was measured"),
+        (1e-9, 1.0, "nothing was measured, the column is empty, or its unit is not m"),
         (1e-3, 1e300, r"accelerations reach 1e\+300 m/s², more than any robot's"),
         (1e300, 1.0, "must be given in metres"),
     ],

@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 
 from slosh_base.files.bounded_text import read_text
 from slosh_base.files.errors import TextFileError
+from slosh_base.files.quiet_decoders import quiet_decoders
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.mounting import Quaternion
 from slosh_estimator.rotation import Vector
@@ -80,7 +81,8 @@ class Robot:
             raise error(f"Pinocchio cannot be loaded: {cause}. {SYSTEM_LIBRARY}") from None
         try:
             urdf = _whole(urdf)
-            self._model = self._pin.buildModelFromXML(urdf)
+            with quiet_decoders():
+                self._model = self._pin.buildModelFromXML(urdf)
             self._mimics = _mimics(urdf)
         except (ValueError, RuntimeError, IndexError, ElementTree.ParseError) as cause:
             reason = " ".join(str(cause).split()) or "cannot be read"

@@ -182,6 +182,7 @@ def test_the_world_may_be_any_fixed_link():
     [
         ("", "URDF: is not a robot description: it has no element <robot>, and no <link>"),
         ("<robot", "URDF: is not a robot description: "),
+        (RAIL_URDF.replace('xyz="0 0 0.1"', 'xyz="0 inf 0.1"'), "URDF: is not a robot desc"),
         ("<robot name='r'><link name='a'/></robot>", "URDF: no link 'cup'"),
         (
             "<robot name='r'><link name='a'/><link name='cup'/><joint name='j' type='floating'>"
@@ -190,11 +191,12 @@ def test_the_world_may_be_any_fixed_link():
         ),
     ],
 )
-def test_descriptions_that_do_not_fit(text, told):
+def test_descriptions_that_do_not_fit(text, told, capfd):
     with pytest.raises(SloshEstimatorError) as caught:
         Robot(text, "cup")
     assert told in str(caught.value)
     assert "\n" not in str(caught.value)
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_description_may_lack_its_root_element():

@@ -532,12 +532,25 @@ def test_a_heading_says_units_diameters_and_order(tmp_path, heading, rows):
 
 @pytest.mark.parametrize(
     ("heading", "told"),
-    [("r [parsec],z", "the unit 'parsec' is unknown"), ("r,phi", "give the points as x and y")],
+    [
+        ("r [parsec],z", "the unit 'parsec' is unknown"),
+        ("r,phi", "give the points as x and y"),
+        ("one", "'one' is no line of two columns"),
+    ],
 )
 def test_a_heading_that_cannot_be_read_is_named(tmp_path, heading, told):
     (tmp_path / "cup.csv").write_text(f"{heading}\n0,0\n0.028,0\n0.04,0.09\n")
     with pytest.raises(SloshModelError, match=told):
         points_of("cup.csv", ("container", "profile"), tmp_path)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252"])
+def test_a_contour_in_the_encodings_of_spreadsheets(tmp_path, encoding):
+    text = "# Ø außen\nr [mm],z [mm]\n" + "".join(f"{28 + k / 10},{k}\n" for k in range(40))
+    (tmp_path / "cup.csv").write_bytes(text.encode(encoding))
+    read = points_of("cup.csv", ("container", "profile"), tmp_path)
+    np.testing.assert_allclose(read[:2], [[0.028, 0.0], [0.0281, 0.001]], rtol=1e-12)
+    assert len(read) == 40
 
 
 def test_a_circle_of_many_points_is_the_cylinder():

@@ -121,7 +121,8 @@ class Arm(Robot):
             position: (N, J) [rad or m].
         """
         joined = self.joined(joints, position)
-        apart = np.abs(joined - position) > 0.0  # false for what is not a number
+        with np.errstate(invalid="ignore"):  # false for what is not a number
+            apart = np.abs(joined - position) > 0.0
         return [name for name, column in zip(joints, apart.T, strict=True) if column.any()]
 
     def known(self, joints: Sequence[str]) -> list[bool]:

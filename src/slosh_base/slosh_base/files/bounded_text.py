@@ -129,12 +129,13 @@ class _Counted(io.RawIOBase):
                 raise SloshFileError(f"{self._path}: has more than {most} {unit}; {_ADVICE}")
 
 
-def read_text(path: str | Path, longest: int) -> str:
+def read_text(path: str | Path, longest: int, *, guess: bool = False) -> str:
     """Reads a text file; raises an error if it is too large.
 
     Args:
         path: the file.
         longest: bytes of it, at most.
+        guess: read the encodings of `bounded_text` as well, in which spreadsheets write.
 
     Raises:
         TextFileError: it is not there, no regular file, too long, or not UTF-8.
@@ -150,7 +151,7 @@ def read_text(path: str | Path, longest: int) -> str:
     if len(content) > longest:
         raise TextFileError(path, f"too large, more than {longest} bytes")
     try:
-        return content.decode()
+        return content.decode(_encoding(content[:_SLICE]) if guess else "utf-8")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         raise TextFileError(path, f"is not UTF-8 text (line {line})") from None

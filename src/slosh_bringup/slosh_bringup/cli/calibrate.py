@@ -12,10 +12,11 @@ import cv2
 import numpy as np
 
 from slosh_base.files import check_apart, write_bytes, write_text
+from slosh_base.files.quiet_decoders import quiet_decoders
 from slosh_bringup.cli.calibrate_answer import as_json, as_text, assumptions
 from slosh_bringup.cli.calibrate_options import add_arguments
 from slosh_bringup.cli.calibrate_scale import run_page, run_scale
-from slosh_bringup.cli.quiet_decoders import quiet_decoders
+from slosh_bringup.cli.output_names import PAGE, YAML, check_ending
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibrate.board import (
     BoardFit,
@@ -56,6 +57,8 @@ _AXES = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 def run(arguments: argparse.Namespace) -> int:
     """Estimates the camera pose, writes camera.yaml and prints the accuracy."""
     take_model(arguments)
+    check_ending(arguments.output, "a camera's file", YAML)
+    check_ending(arguments.page, "a page", PAGE)
     if arguments.page is not None:
         return run_page(arguments)
     if arguments.scale is not None:
@@ -214,8 +217,7 @@ def _camera_yaml(arguments: argparse.Namespace, fit: StillFit, known: KnownCamer
 
 
 def _write_picture(path: Path, picture: Image) -> None:
-    if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
-        raise SloshBringupError(f"{path}: pictures are written as .png or .jpg")
+    check_ending(path, "a picture", (".png", ".jpg", ".jpeg"))
     write_bytes(path, cv2.imencode(path.suffix, picture)[1].tobytes())
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from slosh_base.files import check_apart, write_text
 from slosh_base.files.plain_text import plain_line
-from slosh_bringup.cli.quiet_decoders import quiet_decoders
+from slosh_base.files.quiet_decoders import quiet_decoders
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibrate.camera_file import format_calibration, parse_any_calibration
 from slosh_camera.calibrate.scale import calibrate_by_scale

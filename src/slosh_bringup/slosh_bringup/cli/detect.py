@@ -13,9 +13,10 @@ from pathlib import Path
 
 from slosh_base.files import check_apart, new_text
 from slosh_base.files.plain_text import plain_line
+from slosh_base.files.quiet_decoders import quiet_decoders
+from slosh_bringup.cli.output_names import TABLE, check_ending
 from slosh_bringup.cli.progress import Progress, Unit, say
 from slosh_bringup.cli.quantities import RATE
-from slosh_bringup.cli.quiet_decoders import quiet_decoders
 from slosh_bringup.detect.frame import FOLDER_RATE, FrameSource
 from slosh_bringup.detect.measuring import Detection, Result, measure_all
 from slosh_bringup.detect.pictures import (
@@ -125,6 +126,7 @@ def _check_outputs(arguments: argparse.Namespace, images: Sequence[Path | None])
     inputs = [*images, arguments.camera, arguments.still]
     worst = Path(arguments.worst[0]) if arguments.worst else None
     check_apart([arguments.output, arguments.video, arguments.strip, worst], inputs)
+    check_ending(arguments.output, "a table", TABLE)
     if arguments.video is not None:
         # Where no codec works, a sheet takes the video's place.
         check_apart([arguments.video.with_suffix(".png")], inputs)

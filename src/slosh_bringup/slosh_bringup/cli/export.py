@@ -71,6 +71,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Lists a bag's topics, or exports them to files."""
     if arguments.list:
+        unused = [
+            option
+            for option, value in (
+                ("--urdf", arguments.urdf),
+                ("--tool-frame", arguments.tool_frame),
+                ("--input", arguments.input),
+            )
+            if value is not None
+        ]
+        if unused:
+            raise SloshBringupError(f"{unused[0]}: is not used with --list; leave it out")
         print(listing(BagReader(arguments.bag).topics(), as_json=arguments.json))
         return 0
     if arguments.output is None:

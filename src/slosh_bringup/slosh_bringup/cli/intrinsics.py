@@ -13,8 +13,9 @@ from matplotlib.figure import Figure
 
 from slosh_base.files import check_apart, write_bytes, write_text
 from slosh_base.files.plain_text import plain_line
+from slosh_base.files.quiet_decoders import quiet_decoders
+from slosh_bringup.cli.output_names import YAML, check_ending
 from slosh_bringup.cli.quantities import length
-from slosh_bringup.cli.quiet_decoders import quiet_decoders
 from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibrate.aruco import drawn_board
@@ -60,12 +61,11 @@ def run(arguments: argparse.Namespace) -> int:
     board = parse_target(arguments.board, arguments.square)
     files = [file for path in arguments.images for file in _files(path)]
     check_apart([output, sheet], files)
+    check_ending(output, "a camera's file", YAML)
+    check_ending(sheet, "a board", (".pdf", ".svg"))
     if sheet is not None:
-        suffix = sheet.suffix.lower()
-        if suffix not in (".pdf", ".svg"):
-            raise SloshBringupError(f"{sheet}: boards are written as .pdf or .svg")
         with io.BytesIO() as stream:
-            board_sheet(board).savefig(stream, format=suffix[1:])
+            board_sheet(board).savefig(stream, format=sheet.suffix[1:].lower())
             write_bytes(sheet, stream.getvalue())
     if not files:
         return 0

@@ -8,6 +8,7 @@ from __future__ import annotations
 import _thread
 import argparse
 import importlib
+import logging
 import os
 import sys
 import threading
@@ -215,6 +216,9 @@ def command_module(command: str) -> str:
 
 def run_guarded(parsed: argparse.Namespace) -> int:
     """Runs the subcommand; prints one line and returns exit code 2 for invalid input."""
+    notes, computing = _Notes(parsed.command), logging.getLogger("slosh_model")
+    computing.setLevel(logging.INFO)
+    computing.addHandler(notes)
     try:
         check_order(parsed)
         return int(parsed.run(parsed))
@@ -233,6 +237,20 @@ def run_guarded(parsed: argparse.Namespace) -> int:
             raise
         print(plain_line(f"slosh {parsed.command}: {error}"), file=sys.stderr)
         return EXIT_WRONG_INPUT
+    finally:
+        computing.removeHandler(notes)
+
+
+class _Notes(logging.Handler):
+    """Prints what a model tells while it computes, so that a long wait is not taken for a hang."""
+
+    def __init__(self, command: str) -> None:
+        super().__init__()
+        self._command = command
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Prints a record as a note."""
+        print(f"slosh {self._command}: note: {record.getMessage()}", file=sys.stderr, flush=True)
 
 
 def _reason(error: OSError) -> str:

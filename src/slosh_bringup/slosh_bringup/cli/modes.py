@@ -13,7 +13,7 @@ import numpy as np
 
 from slosh_base.files import check_apart
 from slosh_base.files.plain_text import plain_line
-from slosh_bringup.cli.pictures import check_picture
+from slosh_bringup.cli.output_names import YAML, check_ending, check_picture
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.bessel import MAXIMUM_MODE
 from slosh_model.errors import SloshModelError
@@ -70,6 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not 1 <= arguments.count <= MAXIMUM_MODE:
         raise SloshBringupError(f"--count {arguments.count}: must be 1 … {MAXIMUM_MODE}")
     check_picture(arguments.plot)
+    check_ending(arguments.output, "a model", YAML)
     model = read_model(arguments.model)
     rows = mode_table(model, arguments.count)
     if arguments.plot is not None:

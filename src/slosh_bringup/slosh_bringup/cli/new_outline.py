@@ -9,9 +9,10 @@ import numpy as np
 
 from slosh_base.files import check_apart, write_text
 from slosh_base.files.plain_text import plain_line
+from slosh_base.files.quiet_decoders import quiet_decoders
 from slosh_base.types import Array
+from slosh_bringup.cli.output_names import PAGE, check_ending
 from slosh_bringup.cli.quantities import length
-from slosh_bringup.cli.quiet_decoders import quiet_decoders
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.images.colour import to_colour
 from slosh_camera.images.decoding import read_image
@@ -56,6 +57,7 @@ def write_page(arguments: argparse.Namespace) -> int:
     if arguments.across is None:
         raise SloshBringupError("--across: is needed with --outline")
     check_apart([arguments.page], [arguments.outline])
+    check_ending(arguments.page, "a page", PAGE)
     with quiet_decoders():
         image = to_colour(read_image(arguments.outline))
     before = [

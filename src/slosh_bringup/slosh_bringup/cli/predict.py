@@ -14,8 +14,8 @@ from typing import Any
 from slosh_base.files import check_apart, new_text, write_text
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli import quantities
+from slosh_bringup.cli.output_names import PAGE, TABLE, check_ending, check_picture
 from slosh_bringup.cli.parser import old_name
-from slosh_bringup.cli.pictures import check_picture
 from slosh_bringup.cli.predict_gantry import gantry_text
 from slosh_bringup.cli.progress import share_bar
 from slosh_bringup.cli.quantities import ERROR, FRACTION, HEIGHT, time
@@ -141,6 +141,8 @@ def run(arguments: argparse.Namespace) -> int:
     outputs = [arguments.output, arguments.plot, arguments.page]
     check_apart(outputs, [arguments.model, *arguments.trajectories])
     check_picture(arguments.plot)
+    check_ending(arguments.page, "a page", PAGE)
+    check_ending(arguments.output, "a table", TABLE)
     tray = read_tray(arguments.model)
     model = tray.first.placed
     if tray.is_tray and (arguments.plot or arguments.page):

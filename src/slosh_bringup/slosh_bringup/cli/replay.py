@@ -18,6 +18,7 @@ from slosh_base.files import check_apart, check_outside
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.bag_work import add_work_options, named_error, work_of
 from slosh_bringup.cli.input_options import add_input_options, wanted_input
+from slosh_bringup.cli.output_names import JUNIT, check_ending
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.progress import item_progress
 from slosh_bringup.errors import SloshBringupError
@@ -91,6 +92,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Replays the bags; reports a bag that fails and continues with the other bags."""
+    check_ending(arguments.junit, "the checks' results", JUNIT)
     stated = find_bags(arguments.bags, arguments.output)
     if arguments.model:
         read_model(arguments.model)  # a mistake in it is told once, not once per bag

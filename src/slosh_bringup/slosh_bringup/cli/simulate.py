@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from slosh_bag.interchange.export_sinks import load_pyarrow
 from slosh_base.files import NewFile, check_apart, new_text
 from slosh_base.files.plain_text import plain_line
-from slosh_bringup.cli.pictures import check_picture
+from slosh_bringup.cli.output_names import check_picture
 from slosh_bringup.cli.quantities import HEIGHT
 from slosh_bringup.cli.rim_option import add_rim_distance
 from slosh_bringup.cli.table_options import add_table_options, table_options

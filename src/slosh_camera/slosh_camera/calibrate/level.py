@@ -14,6 +14,7 @@ import numpy as np
 from slosh_camera.calibrate.curves import view_at
 from slosh_camera.calibrate.edges import EdgeImage
 from slosh_camera.calibrate.fit import PlaceFit
+from slosh_camera.calibrate.pose import CameraPlace
 from slosh_camera.calibrate.strip import (
     lasting_changes,
     level_like,
@@ -23,6 +24,8 @@ from slosh_camera.calibrate.strip import (
     walls_below,
 )
 from slosh_camera.calibrate.tuning import TUNING
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.optics.cup import CupView
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,3 +105,46 @@ def levels_of(edges: EdgeImage, fit: PlaceFit) -> LevelLines:
     stretch = (TUNING.below_to - TUNING.below_from) * fill
     going_on = walls_below(edges, view, strip.heights, TUNING.below_from * fill, stretch)
     return LevelLines(own, level(best) if rivals else None, float(np.min(going_on[here])))
+
+
+def check_parting(edges: EdgeImage, view: CupView, place: CameraPlace) -> None:
+    """Raises an error if another line parts two colours more than the level of a pose does.
+
+    A ring, a scale and foam can be clearer lines than the level of a pale liquid, but what is
+    above and below them looks the same. The sides must show above the line, and below it to the
+    floor.
+
+    Args:
+        edges: the image, without distortion.
+        view: of the pose, upright.
+        place: of the camera.
+
+    Raises:
+        SloshCameraError: one does; the text gives its height.
+    """
+    cup, radius = view.cup, view.cup.radius
+    ends, apart = TUNING.ends * radius, TUNING.rival_apart * radius
+    top = cup.rim_level if cup.rim_level is not None else cup.fill_height + 2.0 * radius
+    strip = unrolled(edges, view, -cup.fill_height - radius, top)
+    heights = strip.heights
+    change = np.nan_to_num(lasting_changes(strip, cup, place), posinf=0.0)
+    rear = rear_above(cup, place, 0.0)
+    here = np.abs(heights) <= TUNING.parting_slack * radius
+    elsewhere = (heights < min(rear, 0.0) - apart) | (heights > max(rear, 0.0) + apart)
+    elsewhere &= (heights > ends - cup.fill_height) & (heights < top - ends)
+    elsewhere &= own_lines(edges, view, strip) >= TUNING.parting_line
+    for depth in (TUNING.least_glass_height * radius, cup.fill_height):
+        elsewhere &= walls_below(edges, view, heights, 0.0, depth) >= TUNING.may_be_walled
+    low, high = (share * radius for share in TUNING.glass)
+    above = walls_below(edges, view, heights, -high, high - low)
+    elsewhere &= above >= TUNING.may_be_walled
+    most = np.where(elsewhere, change, 0.0)
+    other = int(np.argmax(most))
+    own = float(np.max(change, initial=0.0, where=here))
+    if most[other] > max(TUNING.parts_more * own, TUNING.full_step):
+        side = "above" if heights[other] > 0.0 else "below"
+        raise SloshCameraError(
+            f"still image: two levels are possible, {abs(1e3 * heights[other]):.0f} mm apart: the "
+            f"other is {side} the best fit and parts two colours more; printed rings, seams and "
+            "foam look like a level; click on the still level's contact line: --level U V"
+        )

@@ -18,7 +18,7 @@ from slosh_camera.calibrate.curves import (
 from slosh_camera.calibrate.doubt import KNOWN, QUANTITIES, GivenDeviations, GivenView
 from slosh_camera.calibrate.edges import EdgeImage, edge_image
 from slosh_camera.calibrate.fit import NO_HINT, Hint, PlaceFit, fit_place
-from slosh_camera.calibrate.level import levels_of
+from slosh_camera.calibrate.level import check_parting, levels_of
 from slosh_camera.calibrate.outline import find_outline
 from slosh_camera.calibrate.pose import CameraPlace, place_of
 from slosh_camera.calibrate.refusals import (
@@ -79,7 +79,10 @@ def calibrate_by_edges(
     task = _Task(straight, pinhole, GivenView(pinhole, cup, doubt), azimuth, hint, distance)
     # A large picture is most often a photograph, with more edges than a container has.
     answer = _by_outline(task) if _shrink(pinhole) > 1 and not cup.taper else None
-    return _for_lens(answer or _by_edges(task), camera, 1)
+    answer = answer or _by_edges(task)
+    if hint.level is None:
+        _check_level(task, answer)
+    return _for_lens(answer, camera, 1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,6 +126,14 @@ def _by_outline(task: _Task) -> StillFit | None:
     if finer is None or _level_moves(answer.view, finer.view) > TUNING.same_level:
         return answer
     return finer
+
+
+def _check_level(task: _Task, answer: StillFit) -> None:
+    """Raises SloshCameraError if another line of the image may be the level of a pose."""
+    small = _smaller(task, _shrink(task.camera))
+    place, _ = place_of(answer.view.pose)
+    cup = answer.view.cup
+    check_parting(edge_image(small.image), view_at(small.camera, cup, place), place)
 
 
 def _sound(fit: PlaceFit | None, task: _Task) -> StillFit | None:

@@ -53,6 +53,9 @@ class CalibrateTuning:
     least_level: float = number(0.25, "1", "least strength of a level")
     shows: float = number(0.6, "1", "least strength of a line that shows partly")
     ends: float = number(0.3, "radius", "distance from rim and floor of another level")
+    parting_line: float = number(0.28, "1", "least part of a line that parts two colours")
+    parting_slack: float = number(0.04, "radius", "largest error of the level's place")
+    parts_more: float = number(1.03, "1", "ratio of a greater change of colour")
     # lines.py
     most_lean: float = number(0.36, "px/row", "largest lean of a line against the columns")
     lean_error: float = number(0.15, "px/row", "largest lean of an edge against its line")

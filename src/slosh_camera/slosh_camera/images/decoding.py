@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image
-from slosh_camera.images.image_size import JPEG, PNG, check_size
+from slosh_camera.images.image_size import JPEG, PNG, WEBP, check_size, webp_damage
 from slosh_camera.images.jpeg_file import jpeg_damage
 from slosh_camera.images.tiff_pages import tiff_pages
 
@@ -47,7 +47,10 @@ _LAYOUTS = {
     "rgba8": _Layout(4, slice(2, None, -1)),
 }
 # Of 16 bits; the name without them tells the order of the colours.
-_DEEP = {"mono16": "mono8", "16UC1": "mono8", "bgr16": "bgr8", "16UC3": "bgr8", "rgb16": "rgb8"}
+_DEEP = {
+    "mono16": "mono8", "16UC1": "mono8", "bgr16": "bgr8", "16UC3": "bgr8", "rgb16": "rgb8",
+    "bgra16": "bgra8", "16UC4": "bgra8", "rgba16": "rgba8",
+}  # fmt: skip
 # ROS names the pattern by its first two rows, OpenCV by what begins at the second row and column.
 _BAYER = {
     "bayer_rggb": cv2.COLOR_BayerBG2BGR,
@@ -63,15 +66,34 @@ _YUV_PACKED = {
     "yuv422_yuy2": cv2.COLOR_YUV2BGR_YUY2,
     "yuyv": cv2.COLOR_YUV2BGR_YUY2,
 }
-# A plane of brightness, and one of half its height with both colour differences.
-_YUV_PLANES = {"nv12": cv2.COLOR_YUV2BGR_NV12, "nv21": cv2.COLOR_YUV2BGR_NV21}
+# A plane of brightness, and one of half its height with both colour differences, or two of a
+# quarter of its size.
+_YUV_PLANES = {
+    "nv12": cv2.COLOR_YUV2BGR_NV12,
+    "nv21": cv2.COLOR_YUV2BGR_NV21,
+    "i420": cv2.COLOR_YUV2BGR_I420,
+    "yuv420": cv2.COLOR_YUV2BGR_I420,
+    "yv12": cv2.COLOR_YUV2BGR_YV12,
+}
+_THREE_PLANES = ("i420", "yuv420", "yv12")
 # OpenCV gives black for less than a pixel with all its neighbours.
 _LEAST_BAYER = 3
 _DEPTHS = (8, 10, 12, 14, 16)
 """Bits of a camera's converter."""
 ENCODINGS = (*_LAYOUTS, *_DEEP, *_BAYER_NAMES, *_YUV_PACKED, *_YUV_PLANES)
 """Encodings of sensor_msgs/Image that can be read."""
-_COMPRESSED = ("jpeg", "jpg", "png")
+_NAMES = {
+    **{name.lower(): name for name in ENCODINGS},
+    # Of GenICam, whose names begin with the first row of the pattern.
+    **{f"mono{bits}": "mono16" for bits in (10, 12, 14)},
+    **{
+        f"bayer{start}{bits}": f"bayer_{pattern}{8 if bits == 8 else 16}"
+        for start, pattern in (("rg", "rggb"), ("bg", "bggr"), ("gb", "gbrg"), ("gr", "grbg"))
+        for bits in _DEPTHS
+    },
+}
+"""Encodings by their names in small letters."""
+_COMPRESSED = ("jpeg", "jpg", "png", "webp")
 
 
 def to_image(
@@ -84,7 +106,7 @@ def to_image(
     one that holds the image's largest value.
 
     Args:
-        encoding: one of ENCODINGS.
+        encoding: one of ENCODINGS, in letters of any size, or GenICam's name of it.
         height: number of rows.
         width: number of columns.
         step: length of a row [bytes], padding included.
@@ -98,8 +120,10 @@ def to_image(
     Raises:
         SloshCameraError: another encoding, an empty image, or sizes that do not fit together.
     """
-    if encoding not in ENCODINGS:
+    name = _NAMES.get(encoding.lower())
+    if name is None:
         raise SloshCameraError(_not_supported(encoding))
+    encoding = name
     if height < 1 or width < 1:
         raise SloshCameraError(f"image: is empty, {width} x {height} pixels")
     if encoding in _LAYOUTS:
@@ -111,6 +135,11 @@ def to_image(
         pairs = _rows(encoding, height, width, step, data, 2)
         return _converted(pairs, _YUV_PACKED[encoding], encoding, width % 2)
     if encoding in _YUV_PLANES:
+        if encoding in _THREE_PLANES and step != width:
+            raise SloshCameraError(
+                f"image: step {step} is not the width {width}: padded planes of {encoding} cannot "
+                "be told apart; publish rows without padding, or nv12"
+            )
         rows = _rows(encoding, height + height // 2, width, step, data, 1)
         return _converted(rows[..., 0], _YUV_PLANES[encoding], encoding, (width | height) % 2)
     if encoding in _DEEP:
@@ -121,8 +150,18 @@ def to_image(
 
 
 def _not_supported(encoding: str) -> str:
-    if encoding.startswith("32FC"):
+    if not encoding:
+        return (
+            "image: the encoding is empty: the camera's driver must fill it, e.g. with mono8, "
+            "bgr8 or bayer_rggb8"
+        )
+    if encoding.lower() in ("32fc1", "64fc1"):
         return f"image: encoding {encoding!r} holds distances, not a picture: choose another topic"
+    if encoding.lower().startswith(("32fc", "64fc")):
+        return (
+            f"image: encoding {encoding!r} does not say which value is white: publish mono8 or "
+            "bgr8, or choose another topic"
+        )
     return f"image: encoding {encoding!r} is not supported, use {', '.join(ENCODINGS)}"
 
 
@@ -171,12 +210,12 @@ def decode_compressed(image_format: str, data: Any) -> Image:
         that count in `to_image`, transparency is left out.
 
     Raises:
-        SloshCameraError: neither JPEG nor PNG, no data, data that are cut or damaged, or that
-            claim too many pixels.
+        SloshCameraError: neither JPEG, PNG nor WebP, no data, data that are cut or damaged, or
+            that claim too many pixels.
     """
     array = _bytes(data)
     # The data say what they are: drivers write image/jpeg, an encoding's name or nothing at all.
-    if not array[:4].tobytes().startswith((JPEG, PNG)) and array.size:
+    if not array[:4].tobytes().startswith((JPEG, PNG, WEBP)) and array.size:
         words = image_format.lower().replace(";", " ").replace("/", " ").split()
         if "compresseddepth" in words:
             raise SloshCameraError(
@@ -185,14 +224,16 @@ def decode_compressed(image_format: str, data: Any) -> Image:
             )
         if image_format and not any(word in _COMPRESSED for word in words):
             raise SloshCameraError(
-                f"image: format {image_format!r} is not supported, use jpeg or png"
+                f"image: format {image_format!r} is not supported, use jpeg, png or webp"
             )
-        raise SloshCameraError(f"image: {array.size} bytes are not a complete JPEG or PNG file")
+        raise SloshCameraError(
+            f"image: {array.size} bytes are not a complete JPEG, PNG or WebP file"
+        )
     return _decode(array, image_format)
 
 
 def read_image(path: str | Path) -> Image:
-    """Reads a PNG, JPEG, BMP or TIFF image file.
+    """Reads a PNG, JPEG, BMP, TIFF or WebP image file.
 
     Raises:
         SloshCameraError: the file cannot be read, is no whole image or holds several; the text
@@ -283,10 +324,12 @@ def _bytes(data: Any) -> Image:
 
 
 def _damage(array: Image) -> str:
-    """Returns why a JPEG or PNG file is incomplete; empty for complete or other files."""
+    """Returns why a JPEG, PNG or WebP file is incomplete; empty for complete or other files."""
     signature = array[: len(PNG)].tobytes()
     if signature.startswith(JPEG):
         return jpeg_damage(array)
+    if signature.startswith(WEBP):
+        return webp_damage(array.tobytes())
     return png_damage(array) if signature.startswith(PNG) else ""
 
 

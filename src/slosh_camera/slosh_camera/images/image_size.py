@@ -17,13 +17,15 @@ MOST_PIXELS = 40_000_000
 """Pixels of an image, at most: a progressive JPEG of as many takes 480 MB while it is turned."""
 _MOST_WORK = 500_000_000  # pixels times scans: a progressive JPEG goes over all of them in each
 _MOST_SEGMENTS = 10_000
-JPEG, PNG = b"\xff\xd8", b"\x89PNG"
+JPEG, PNG, WEBP = b"\xff\xd8", b"\x89PNG", b"RIFF"
 _MARKER = re.compile(rb"\xff+([^\xff])", re.DOTALL)
 _SCAN, _END = 0xDA, 0xD9
 _FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
 _ALONE = {0x00, 0x01, *range(0xD0, 0xD9)}  # markers without a content
 _TIFF_FORMS = {3: "H", 4: "I", 16: "Q"}  # the types that hold a size
 _SUBFILE, _WIDTH, _HEIGHT = 254, 256, 257
+_WEBP_SIDE = 0x3FFF  # bits of a width or height
+_WEBP_MOVES = 0b10  # of the flags
 _TILES = ((_WIDTH, 322), (_HEIGHT, 323))  # tags: of the image, of a tile
 _MOST_PAGES = 100_000
 """Pages of a TIFF file, at most; more is a loop or damage."""
@@ -76,7 +78,8 @@ def check_size(data: bytes) -> None:
         size = None
     if size is None:
         raise SloshCameraError(
-            f"image: {len(data)} bytes are not a complete image file: no PNG, JPEG, BMP or TIFF"
+            f"image: {len(data)} bytes are not a complete image file: no PNG, JPEG, BMP, TIFF or "
+            "WebP"
         )
     told = too_large(size.width, size.height)
     if told:
@@ -128,6 +131,28 @@ def _bmp(data: bytes) -> Size:
     form = "<HH" if header == 12 else "<ii"  # 12: that of OS/2
     width, height = struct.unpack_from(form, data, 18)
     return Size(abs(width), abs(height))
+
+
+def _webp(data: bytes) -> Size | None:
+    kind = data[8:16]
+    if kind == b"WEBPVP8X":
+        width, height = (int.from_bytes(data[at : at + 3], "little") + 1 for at in (24, 27))
+    elif kind == b"WEBPVP8L":
+        (both,) = struct.unpack_from("<I", data, 21)
+        width, height = (both & _WEBP_SIDE) + 1, (both >> 14 & _WEBP_SIDE) + 1
+    elif kind == b"WEBPVP8 ":
+        width, height = (one & _WEBP_SIDE for one in struct.unpack_from("<HH", data, 26))
+    else:
+        return None
+    return Size(width, height)
+
+
+def webp_damage(data: bytes) -> str:
+    """Returns why a WebP file cannot be read as a whole picture; empty if it can."""
+    if int.from_bytes(data[4:8], "little") + 8 > len(data):
+        return "the file is cut off"
+    moves = data[12:16] == b"VP8X" and data[20] & _WEBP_MOVES
+    return "it holds a film; save one of its pictures" if moves else ""
 
 
 def _tiff(data: bytes) -> Size | None:
@@ -187,4 +212,5 @@ _READERS: dict[bytes, Callable[[bytes], Size | None]] = {
     b"BM": _bmp,
     b"II": _tiff,
     b"MM": _tiff,
+    WEBP: _webp,
 }

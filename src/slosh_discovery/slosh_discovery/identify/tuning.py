@@ -22,6 +22,8 @@ class IdentifyTuning:
     fill_width: float = number(0.2, "1", "usual relative difference of fill heights")
     most_damping: float = number(0.9, "1", "largest damping ratio")
     damping_width: float = number(0.02, "1", "usual difference of damping ratios")
+    # workflow.py
+    least_seen: float = number(1e-6, "m", "largest height of a motion that was not measured")
     # problem.py
     clock_width: float = number(0.05, "s", "usual offset of a clock")
     state_span: float = number(3.0, "1", "first state of a decay in heights of its wave, at most")

@@ -81,9 +81,11 @@ def identify(
     """
     if not motions:
         raise SloshDiscoveryError("no motion with measured heights: nothing to identify from")
-    if not any(np.nanmax(np.abs(motion.heights)) for motion in motions):
+    highest = max(float(np.nanmax(np.abs(motion.heights))) for motion in motions)
+    if highest < TUNING.least_seen:
         raise SloshDiscoveryError(
-            f"{motions[0].name}: all heights are 0: nothing was measured, or the column is empty"
+            f"{motions[0].name}: all heights are 0 to a micrometre: nothing was measured, the "
+            "column is empty, or its unit is not m"
         )
     motions, faulty = sound_fit(motions)
     holdout, faulty_holdout = sound(holdout)

@@ -6,6 +6,7 @@ these as their axes, wherever they are. Those of any other outline have a direct
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -345,6 +346,9 @@ def _static_axes(container: PrismaticContainer, masses: int) -> float:
 def _plane_modes(container: PrismaticContainer, count: int) -> Any:
     from slosh_model.potential_flow.plane import plane_modes
 
+    logging.getLogger("slosh_model").info(
+        "computing the modes of a %s once: up to a minute", container.shape
+    )
     return plane_modes(container.contour, count)
 
 

@@ -60,7 +60,7 @@ def points_of(value: Any, path: KeyPath, folder: Path) -> Any:
 
 def _csv_points(path: Path, keys: KeyPath) -> tuple[tuple[float, ...], ...]:
     try:
-        lines = _cells(read_text(path, _LONGEST))
+        lines = _cells(read_text(path, _LONGEST, guess=True))
     except (TextFileError, csv.Error) as error:
         raise SloshModelError(f"{dotted(keys)}: {error}", keys) from None
     found: list[tuple[float, ...]] = []
@@ -94,8 +94,13 @@ def _heading(path: Path, cells: Sequence[str], keys: KeyPath) -> tuple[tuple[flo
         factors to metres and to the radius, and whether the second column comes first.
 
     Raises:
-        SloshModelError: an unknown unit, or angles.
+        SloshModelError: one column, an unknown unit, or angles.
     """
+    if len(cells) < 2:
+        raise SloshModelError(
+            f"{path}: {cells[0]!r:.60} is no line of two columns, such as 'r,z' or '0.03,0.1'",
+            keys,
+        )
     names, factors = [], []
     for cell in cells[:2]:
         match = _HEADING.fullmatch(cell)

@@ -1,4 +1,4 @@
-"""Suppresses messages that image and video decoders print."""
+"""Suppresses messages that decoders of images, videos and robot descriptions print."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _STDERR = 2
 def quiet_decoders() -> Iterator[None]:
     """Suppresses native libraries' output to standard error inside a `with` block.
 
-    Decoders write there, one line and more for every damaged image, which gets its own line here.
+    Decoders write there, one line and more for every damaged file, which gets its own line here.
     """
     before = sys.stderr
     with open(os.dup(_STDERR), "w", buffering=1) as terminal, open(os.devnull, "w") as nowhere:
