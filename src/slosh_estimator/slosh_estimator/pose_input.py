@@ -34,6 +34,7 @@ from slosh_estimator.sample import SECONDS_PER_NS, Sample
 from slosh_estimator.sampling import MEMORY, Modes, Sampling
 from slosh_estimator.state import remembered
 from slosh_estimator.tuning import TUNING
+from slosh_metrics.input_checks.beginning import began_doubt, speed_at_start
 from slosh_metrics.input_checks.constant_meaning import Doubt
 from slosh_metrics.input_checks.input_checks import PoseCheck
 from slosh_metrics.input_checks.message_checks import Leap, Stairs, ToAndFro, leap_doubt
@@ -383,10 +384,25 @@ class PoseInput(CheckedInput):
             pose = self._turning(tau, attitudes, terms, offset)
             attitude = pose[:4] if offset else values[self._at, 3:].tolist()
             restarted, self._restarted = self._restarted, False
+            moving = self._beginning.open and self._began_moving(end)
             yaw = yaw_of_quaternion(*attitude)
             slow, stamp_ns = self.sampling.slow, centre_ns + offset_ns
-            found.append(Sample(stamp_ns, ax, ay, az, yaw, restarted, pose, doubtful, slow))
+            found.append(
+                Sample(stamp_ns, ax, ay, az, yaw, restarted, pose, doubtful, slow, moving)
+            )
         return found
+
+    def _began_moving(self, end: int) -> bool:
+        """Returns whether the poses up to an index move already at the first of them."""
+        if end < CHECKS.began_poses:
+            return False
+        self.assume_rest()
+        stamps, values = self._poses.stamps[:end], self._poses.values[:end, :3]
+        seconds = (stamps - stamps[0]) * SECONDS_PER_NS
+        speed = speed_at_start(seconds, values, self.ORDER - 1)
+        if speed and self.flags:
+            self.began = began_doubt(f"{speed:.2g} m/s")
+        return self.began is not None
 
     def _put_in_time(
         self, first: int, end: int, tau: Array, positions: Array

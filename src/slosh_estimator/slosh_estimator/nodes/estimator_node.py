@@ -53,7 +53,7 @@ from slosh_estimator.sample import Sample
 from slosh_estimator.sampling import modes_of
 from slosh_estimator.tray_estimator import TrayEstimator
 from slosh_estimator.tuning import TUNING
-from slosh_estimator.validity import EstimateFlag, attitude_warning
+from slosh_estimator.validity import EstimateFlag, attitude_warning, began_text
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.tray import TRAY, Tray, format_tray, read_tray
@@ -473,7 +473,7 @@ class EstimatorNode(PreparedNode):
             return fault
         hint = self._attitude_warning or self._input.sampling.sentence() or second
         hint = hint or (self._observed.warning() if self._observed is not None else "")
-        remark = hint or (doubts[0].text if doubts else self._input.remark())
+        remark = hint or self._began() or (doubts[0].text if doubts else self._input.remark())
         if remark or faults:
             return WARN, remark or faults
         if fault is not None:
@@ -487,6 +487,13 @@ class EstimatorNode(PreparedNode):
             names = (flag.name or "" for flag in EstimateFlag if flag & flags)
             return WARN, f"validity flags {flags:#x}: {', '.join(names)}"
         return OK, f"estimating with {', '.join(self._estimator.names)}"
+
+    def _began(self) -> str:
+        """Returns that the input began in motion, as long as that makes the estimates wrong."""
+        began = self._input.began
+        if began is None or not self._flags & EstimateFlag.SETTLING:
+            return ""
+        return began_text(began.text, self._estimator.model)
 
     def _facts(self) -> dict[str, Any]:
         gate = self._input.gate
