@@ -37,6 +37,7 @@ from slosh_estimator.tuning import TUNING
 from slosh_metrics.input_checks.beginning import began_doubt, speed_at_start
 from slosh_metrics.input_checks.constant_meaning import Doubt
 from slosh_metrics.input_checks.input_checks import PoseCheck
+from slosh_metrics.input_checks.jitter import JitterCheck
 from slosh_metrics.input_checks.message_checks import Leap, Stairs, ToAndFro, leap_doubt
 from slosh_metrics.tuning import TUNING as CHECKS
 
@@ -108,6 +109,7 @@ class PoseInput(CheckedInput):
         self.jumps = 0
         self._noun = noun
         self._to_and_fro, self._stairs = ToAndFro(noun), Stairs(noun, self.STAIR)
+        self._jitter = JitterCheck(noun, self.ORDER)
         self._leaps, self._aside, self._largest = 0, 0, Leap(0.0, 0.0, 0.0)
         self._aside_values: tuple[float, ...] = ()
         self._count, self._seconds = count, 0.0 if count else float(window)
@@ -278,6 +280,7 @@ class PoseInput(CheckedInput):
         """Checks a message against those before it."""
         self._to_and_fro.take(position)
         self._stairs.take(stamp_ns, (*position, *quaternion))
+        self._jitter.take(stamp_ns, position)
 
     def _leaped(self, stamp_ns: int, values: tuple[float, ...]) -> bool:
         """Returns whether a pose is none to which the motion of those before it leads.
@@ -301,7 +304,12 @@ class PoseInput(CheckedInput):
     def message_doubts(self) -> tuple[Doubt, ...]:
         """Returns what messages that contradict each other show."""
         leaps = leap_doubt(self._leaps, self._largest, self._noun) if self._leaps else None
-        found = (self._to_and_fro.raised, self._stairs.raised, leaps)
+        jitter = None
+        if self._to_and_fro.raised is None and self._stairs.raised is None:  # they scatter, too
+            modes = self.sampling.modes
+            frequency = modes[0][1] if modes else TUNING.fastest_mode
+            jitter = self._jitter.doubt(frequency, self.sampling.seconds)
+        found = (self._to_and_fro.raised, self._stairs.raised, leaps, jitter)
         return tuple(doubt for doubt in found if doubt is not None)
 
     @property

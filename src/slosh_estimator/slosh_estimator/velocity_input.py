@@ -181,6 +181,7 @@ class VelocityInput(PoseInput):
         self._dropouts.take(stamp_ns, position)
         if stamp_ns > self._last_ns:  # as found in the look before
             self._turns.take(stamp_ns, position)
+        self._jitter.take(stamp_ns, position)
 
     def _leaped(self, stamp_ns: int, values: tuple[float, ...]) -> bool:
         """Returns False: a leap of the velocity is no fault but a strong acceleration."""

@@ -137,6 +137,16 @@ class MetricsTuning:
     began_poses: int = number(8, "1", "fewest samples that show it")
     began_shakes: float = number(2.5, "σ", "acceleration at first over the vibration")
     began_acceleration: float = number(1.0, "m/s²", "acceleration at first that is none")
+    # input_checks/jitter.py
+    jitter_speed: float = number(0.1, "m/s", "speed from which stamps are compared with places")
+    jitter_acceleration: float = number(0.5, "m/s²", "the same of velocities")
+    jitter_gap: float = number(0.25, "s", "time of three messages that are no neighbours")
+    jitter_rows: int = number(256, "1", "messages in motion that are compared")
+    jitter_least: int = number(32, "1", "fewest messages that show a scatter")
+    jitter_ratio: float = number(0.4, "1", "unevenness at even times over that at the stamps")
+    jitter_astray: float = number(0.225, "1", "distance from the middle of two neighbours")
+    jitter_share: float = number(0.015, "1", "part of such stamps that is no fault")
+    jitter_error: float = number(5e-4, "m", "standard deviation of a height that is told")
     # input_checks/stamp_checks.py
     clock_messages: int = number(20, "1", "fewest messages whose stamps are compared")
     clock_span: float = number(1.0, "s", "shortest recording whose stamps are compared")

@@ -347,10 +347,10 @@ class EstimatorNode(PreparedNode):
         source = self._input
         if self._subscription.contested or source.contested:
             flags |= _CONTESTED
-        if source.contradicted:
+        gate = source.gate
+        if source.contradicted or gate.unit.text:
             flags |= _CONTRADICTED
         self._flags |= flags
-        gate = source.gate
         fill(self._message, estimate, self._wall)
         self._message.flags = flags
         self._message.samples_used = gate.used
