@@ -461,10 +461,12 @@ class EstimatorNode(PreparedNode):
         rivals = self._subscription.rivals()
         self._contested = _CONTESTED if self._subscription.rivalled else 0
         wrong_input, second = self._second.look()
-        self._contradicted = _CONTRADICTED if wrong_input else 0
+        clocks = self._subscription.clock_doubt()
+        wrong_clock = clocks is not None and clocks.wrong
+        self._contradicted = _CONTRADICTED if wrong_input or wrong_clock else 0
         doubt = self._input.doubt
         messages = self._input.message_doubts() if self._input.flags else ()
-        doubts = ((doubt,) if doubt is not None else ()) + messages
+        doubts = tuple(one for one in (doubt, clocks, *messages) if one is not None)
         wrong = next((one.text for one in doubts if one.wrong), "") or wrong_input
         warning = rivals or self._subscription.trouble() or wrong or self._input.warning()
         if warning:

@@ -2,8 +2,8 @@
 
 A controller or a camera measures evenly. Where its messages are stamped as they are sent or
 arrive, the motion is smoother at even times, in the order of arrival, than at the stamps. Where
-it measures unevenly and stamps rightly the stamps are smoother, and with noise both are alike. What
-differentiates the values finds the even times itself, unless stamps are nearer to another tick.
+it measures unevenly and stamps rightly the stamps are smoother, and with noise both are alike. The
+filter of poses finds the even times itself, unless stamps are nearer to another tick.
 
 A scatter σ of the stamps is an error vσ of each position. As white noise it makes waves: for the
 wave of frequency ω their mean square is (1.82 ω σ)² dt/2 ∫v²dt, without damping. 1.82 is the
@@ -74,7 +74,7 @@ class JitterCheck:
             self._add(math.dist(even, off[0]), math.dist(stamped, off[1]), abs(share) * seconds)
 
     def _add(self, even: float, stamped: float, aside: float) -> None:
-        """Adds by how much a value is off at even times and at the stamps, and a stamp's scatter."""
+        """Adds how far a value is off at even times and at the stamps, and a stamp's scatter."""
         self._rows.append((even, stamped, aside))
         self._count += 1
         if self._count % TUNING.jitter_least:
@@ -105,6 +105,6 @@ class JitterCheck:
             return None
         return Doubt(
             f"the stamps of the {self._noun} scatter by {1e3 * self.scatter:.2g} ms about the "
-            f"moments of measurement: heights are uncertain by {2e3 * error:.2g} mm, or more where "
-            "stamps go back; let the driver stamp each message with the time of measurement"
+            f"moments of measurement: heights are uncertain by {2e3 * error:.2g} mm, or more "
+            "where stamps go back; let the driver stamp each message with the time of measurement"
         )

@@ -55,7 +55,7 @@ class StampUnit:
         for name, unit in _UNITS.items():
             if self._largest < SECOND // unit:
                 return (
-                    f"the stamps' nanosec {name}, at most {self._largest}: "
+                    f"the stamps' nanosec {name}: "
                     "write the fraction of the second in ns, below 1000000000"
                 )
         return ""
