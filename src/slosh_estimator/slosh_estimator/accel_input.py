@@ -159,8 +159,6 @@ class AccelInput(CheckedInput):
             zip(stamps.tolist(), accelerations.tolist(), strict=True)
         ):
             moving[row] = self._began(stamp, (x, y, z))
-            if not self._beginning.open:
-                break
         return moving
 
     def warning(self) -> str | None:
