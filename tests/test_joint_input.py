@@ -15,6 +15,7 @@ from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
 from slosh_estimator.robot import available
 from slosh_model.model_text import parse_model
 from slosh_model.simulate import Inputs, simulate
+from slosh_msgs.msg import SloshEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
 from slosh_replay.replay import replay_bag
@@ -154,3 +155,30 @@ def test_two_publishers_of_the_same_joints_are_told(tmp_path: Path, domain: int)
             return "2 publishers on /joint_states for 1 set of joints: stop one" in said
 
         driver.until(told, "the second publisher")
+
+
+def test_estimates_of_two_publishers_one_late_are_contested(tmp_path: Path, domain: int) -> None:
+    """Tests the flag within the first motion, and that it lasts as long as both publish."""
+    (tmp_path / "robot.urdf").write_text(RAIL_URDF)
+    with cell(tmp_path, domain, urdf=str(tmp_path / "robot.urdf")) as driver:
+        driver.await_ready("estimator")
+        driver.until(
+            lambda: all(one.get_subscription_count() for one in driver.states), "a reader"
+        )
+        times, late = np.arange(-0.5, 2.8, 0.01), 0.02
+        begin = time.time_ns()
+        for k, t in enumerate(times.tolist()):
+            for publisher, at, after in ((0, t, 0.0), (1, t - late, 0.003)):
+                if publisher and k % 2:
+                    continue
+                message = JointState(name=list(JOINTS), position=swung(at).tolist())
+                message.header.stamp = to_time(begin + round((t + after) * 1e9))
+                driver.states[publisher].publish(message)
+            driver.pace(k, begin + round(t * 1e9))
+        contested = [bool(one.flags & SloshEstimate.INPUT_CONTESTED) for one in driver.estimates]
+        stamps = [(to_nanoseconds(one.header.stamp) - begin) * 1e-9 for one in driver.estimates]
+        assert any(contested)
+        first = stamps[contested.index(True)]
+        moves = next(t for t in times.tolist() if np.abs(swung(t) - swung(-0.5)).max() > 1e-3)
+        assert first < moves + 1.0
+        assert all(contested[contested.index(True) :])

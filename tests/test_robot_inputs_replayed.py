@@ -15,6 +15,7 @@ from slosh_bag.reader import BagReader
 from slosh_bringup.cli.main import main
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.robot import available
+from slosh_estimator.validity import settling_seconds
 from slosh_model.model_text import parse_model
 from slosh_model.simulate import Inputs, simulate
 from slosh_replay.recording.sources import find_sources
@@ -371,6 +372,20 @@ def test_what_a_bag_s_input_contradicts_is_told_of_its_table_too(tmp_path, capsy
     assert "unit, axes or clock" in capsys.readouterr().err
     warnings = replay_bag(bag, parse_model(TEXT)).warnings
     assert any("unit, axes or clock" in line for line in warnings), warnings
+
+
+def test_a_bag_that_begins_in_motion_says_for_how_long_nothing_is_known(tmp_path, capsys):
+    bag, table, model = (tmp_path / name for name in ("bag", "motion.csv", "model.yaml"))
+    model.write_text(TEXT)
+    begin = BEGIN + 400_000_000
+    write(bag, lambda maker: (one for one in maker.odometry() if one[2] >= begin))
+    assert main(["export", str(bag), "--motion", "-o", str(table)]) == 0
+    assert "begins in motion" in capsys.readouterr().err
+    assert main(["simulate", str(model), str(table), "-o", str(tmp_path / "h.csv")]) == 1
+    seconds = round(settling_seconds(parse_model(TEXT)))
+    assert f"the first {seconds} s with this model" in capsys.readouterr().err
+    result = replay_bag(bag, parse_model(TEXT))
+    assert any("begins in motion" in line for line in result.warnings), result.warnings
 
 
 def counted(message: Any) -> None:

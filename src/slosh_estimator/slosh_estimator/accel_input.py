@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_base.types import Array
+from slosh_base.types import Array, Integers
 from slosh_estimator.checked_input import CheckedInput
 from slosh_estimator.gate import GateSettings, SampleGate, SampleVerdict
 from slosh_estimator.mounting import SensorTransform
@@ -88,7 +88,8 @@ class AccelInput(CheckedInput):
         doubtful = self.check.add(stamp_ns, (ax, ay, az), restarted=restarted) and self.flags
         slow = self.sampling.slow
         yaw = 0.0 if pose is None else yaw_of_quaternion(*pose[:4])
-        return Sample(stamp_ns, ax, ay, az, yaw, restarted, pose, doubtful, slow)
+        moving = self._beginning.open and self._began(stamp_ns, (ax, ay, az))
+        return Sample(stamp_ns, ax, ay, az, yaw, restarted, pose, doubtful, slow, moving)
 
     @property
     def memory(self) -> list[float]:
@@ -146,8 +147,19 @@ class AccelInput(CheckedInput):
         doubtful = self.check.add_many(stamps, accelerations, restarted)
         return Samples(
             stamps, accelerations, yaws, restarted, poses,
-            doubtful if self.flags else None, slow,
+            doubtful if self.flags else None, slow, self._began_many(stamps, accelerations),
         )  # fmt: skip
+
+    def _began_many(self, stamps: Integers, accelerations: Array) -> NDArray[np.bool_] | None:
+        """Returns at which accelerations (N,) it is known that the input began in motion."""
+        if not self._beginning.open:
+            return None
+        moving = np.zeros(len(stamps), dtype=bool)
+        for row, (stamp, (x, y, z)) in enumerate(
+            zip(stamps.tolist(), accelerations.tolist(), strict=True)
+        ):
+            moving[row] = self._began(stamp, (x, y, z))
+        return moving
 
     def warning(self) -> str | None:
         """Returns a warning with a remedy if new messages were dropped, otherwise None."""

@@ -14,6 +14,7 @@ from typing import Generic, TypeVar
 
 from slosh_estimator.sample import SECONDS_PER_NS
 from slosh_estimator.tuning import TUNING
+from slosh_metrics.input_checks.constant_meaning import Doubt
 
 Values = tuple[float, ...]
 Mix = Callable[[Values, Values, float], Values]
@@ -60,8 +61,45 @@ class AlignedStreams(Generic[Key]):
         self._streams.clear()
         self._leader = None
 
-    def add(self, key: Key, stamp_ns: int, values: Values) -> None:
-        """Adds a stream's values with their stamp [ns]; clears all streams if time jumps."""
+    def clock_doubt(self, named: Callable[[Key], str]) -> Doubt | None:
+        """Returns what the arrival of streams that move shows of their publishers' clocks.
+
+        A message may be late, but cannot arrive before its stamp.
+
+        Args:
+            named: names a stream.
+        """
+        known = [
+            (stream.ahead, named(key))
+            for key, stream in self._streams.items()
+            if stream.arrived >= TUNING.first_states and stream.reach > TUNING.clock_way
+        ]
+        if len(known) < 2:
+            return None
+        (least, late), (most, early) = min(known), max(known)
+        if most - least < TUNING.clock_apart:
+            return None
+        if most > 0.5 * TUNING.clock_apart:
+            return Doubt(
+                f"{early} are stamped {1e3 * most:.0f} ms ahead of their arrival, and {late} "
+                f"{1e3 * least:.0f} ms: the clocks of their publishers differ, and the motion is "
+                "put together wrongly; synchronise them, or stamp with the time of measurement"
+            )
+        return Doubt(
+            f"{late} arrive {-1e3 * least:.0f} ms after their stamps, and {early} "
+            f"{abs(1e3 * most):.0f} ms: if that is no delay, their publishers' clocks differ",
+            wrong=False,
+        )
+
+    def add(self, key: Key, stamp_ns: int, values: Values, at_ns: int | None = None) -> None:
+        """Adds a stream's values; clears all streams if time jumps.
+
+        Args:
+            key: of the stream.
+            stamp_ns: of the values [ns].
+            values: that it has then.
+            at_ns: when they arrived, or were recorded [ns]; None: not known.
+        """
         stream = self._streams.get(key)
         if stream is None:
             stream = self._streams[key] = _Stream(values)
@@ -69,6 +107,8 @@ class AlignedStreams(Generic[Key]):
             self.forget()
             stream = self._streams[key] = _Stream(values)
         stream.take(stamp_ns, values)
+        if at_ns is not None:
+            stream.arrive((stamp_ns - at_ns) * SECONDS_PER_NS)
 
     def rows(self) -> list[tuple[int, dict[Key, Values]]]:
         """Returns stamps [ns] at which all streams have values, and those values by stream."""
@@ -111,12 +151,16 @@ class _Stream:
         interval_ns: usual time between two [ns]; 0: not known.
         moved: whether it has left its first values.
         waiting: stamps and values that have not led a row yet.
+        arrived: values whose arrival is known.
+        ahead: by which stamps lie after the arrival, on the average [s].
+        reach: the largest change from the first values.
     """
 
     def __init__(self, values: Values) -> None:
         self.newest_ns = -(2**62)
         self.interval_ns = 0.0
         self.moved = False
+        self.arrived, self.ahead, self.reach = 0, 0.0, 0.0
         self.waiting: deque[tuple[int, Values]] = deque(maxlen=TUNING.kept_states)
         self._first = values
         self._kept: deque[tuple[int, Values]] = deque(maxlen=TUNING.kept_states)
@@ -132,9 +176,15 @@ class _Stream:
         self.newest_ns = stamp_ns
         self._kept.append((stamp_ns, values))
         self.waiting.append((stamp_ns, values))
-        if not self.moved:
+        if self.reach <= TUNING.clock_way:
             pairs = zip(values, self._first, strict=True)
-            self.moved = any(abs(one - first) > TUNING.moved for one, first in pairs)
+            self.reach = max(self.reach, *(abs(one - first) for one, first in pairs))
+            self.moved = self.reach > TUNING.moved
+
+    def arrive(self, ahead: float) -> None:
+        """Adds by how much a stamp lies after the arrival [s]."""
+        self.arrived += 1
+        self.ahead += (ahead - self.ahead) / self.arrived
 
     def at(self, stamp_ns: int, mix: Mix) -> Values:
         """Interpolates the values at a stamp [ns]; empty before the first values."""

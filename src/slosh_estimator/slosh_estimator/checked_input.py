@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from slosh_metrics.input_checks.beginning import Beginning, began_doubt
+from slosh_metrics.input_checks.constancy import Vector
 from slosh_metrics.input_checks.constant_meaning import Doubt
 from slosh_metrics.input_checks.input_checks import Check
 
@@ -19,17 +21,31 @@ class CheckedInput:
     Attributes:
         check: of its samples.
         flags: whether a doubt makes samples doubtful.
+        began: what shows that the container moved when the input began; None: nothing.
     """
 
     def __init__(self, check: Check, checks: bool | None) -> None:
         self.check = check
         self.flags = bool(checks)
         self._remembers = checks is not None
+        self.began: Doubt | None = None
+        self._beginning = Beginning()
 
     @property
     def doubt(self) -> Doubt | None:
         """The current fault of the input, or None if no fault is known."""
         return self.check.doubt if self.flags else None
+
+    def assume_rest(self) -> None:
+        """Takes the container as at rest before the first sample, or as known from elsewhere."""
+        self._beginning.open = False
+
+    def _began(self, stamp_ns: int, acceleration: Vector) -> bool:
+        """Returns whether an acceleration shows that the input began in motion."""
+        if not self._beginning.take(stamp_ns, acceleration) or not self.flags:
+            return False
+        self.began = began_doubt(f"{self._beginning.size:.2g} m/s² along the floor")
+        return True
 
     def message_doubts(self) -> tuple[Doubt, ...]:
         """Returns what messages that contradict themselves or each other show."""
@@ -59,6 +75,7 @@ class CheckedInput:
 
     def take_up_check(self, stamp_ns: int, memory: Sequence[float]) -> Sequence[float]:
         """Restores the plausibility check from saved numbers; returns the numbers left."""
+        self.assume_rest()
         count = self.check.MEMORY
         if not self._remembers or len(memory) < count:
             return memory

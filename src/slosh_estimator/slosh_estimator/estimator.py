@@ -28,9 +28,8 @@ from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.self_test import check_model
 from slosh_estimator.state import EstimatorState
 from slosh_estimator.tuning import TUNING
-from slosh_estimator.validity import EstimateFlag, validity_limits
+from slosh_estimator.validity import EstimateFlag, settling_seconds, validity_limits
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.errors import SloshModelError
 from slosh_model.indices import POSE_COUNT
 from slosh_model.layout import back_to_rest, divided, moving_part, set_moving_part
@@ -126,10 +125,11 @@ class Estimator:
     >>> estimator.update(Sample(stamp_ns=0, ax=0.0, ay=0.0, az=0.0, restarted=True)).nonlinear.msh
     0.0
 
-    The container counts as at rest, with still liquid, when the first sample comes. After a gap,
-    and after a reset or another model in the middle of a motion, the liquid's state is unknown:
-    the models restart from rest, and the estimates carry a flag until the unknown part has died
-    out. What the container has lost of its liquid in a gap stays lost.
+    The container counts as at rest, with still liquid, when the first sample comes, unless the
+    input shows that it moved. Then, after a gap, and after a reset or another model in the middle
+    of a motion, the liquid's state is unknown: the models restart from rest, and the estimates
+    carry a flag until the unknown part has died out. What the container has lost of its liquid in
+    a gap stays lost.
 
     Args:
         model: to run.
@@ -182,10 +182,8 @@ class Estimator:
         self._step_kernel = estimate_kernel.step.load()
         # Only what changes the input looks at the attitude.
         self._pose = np.zeros((1, POSE_COUNT)) if model.uses("drive") else None
-        first = model.mode_constants()[0]
-        slowest = min(first.along(axis).natural_frequency for axis in (X_AXIS, Y_AXIS))
-        rate = first.damping_ratio * slowest
-        self._settling_ns = round(TUNING.settled / rate * 1e9) if rate > 1e-6 else 2**62
+        seconds = settling_seconds(model)
+        self._settling_ns = round(seconds * 1e9) if seconds < math.inf else 2**62
 
     def reset(self) -> None:
         """Resets linear and nonlinear model to rest; the next sample counts as the first one.
@@ -298,10 +296,13 @@ class Estimator:
         """Processes N samples at once; gives the same results as `update`, but much faster."""
         count = len(samples.stamps)
         batch = _Batch(np.empty((count, len(self._row))), np.zeros(count, dtype=np.int64))
-        breaks = np.flatnonzero(samples.restarted).tolist()
+        apart = samples.restarted
+        if samples.moving is not None:
+            apart = apart | samples.moving
+        breaks = np.flatnonzero(apart).tolist()
         at = 0
         while at < count:
-            if self._last is None or samples.restarted[at]:
+            if self._last is None or apart[at]:
                 self._note(batch, at, self._take(samples.one(at)))
                 at += 1
             else:
@@ -326,7 +327,7 @@ class Estimator:
             flags = _AFTER_GAP
             self._restart(sample.stamp_ns)
             last = None
-        elif last is None and not self._at_rest:
+        elif sample.moving or (last is None and not self._at_rest):
             self._settled_ns = sample.stamp_ns + self._settling_ns
         self._last = sample
         if self._first_ns is None or sample.stamp_ns < self._first_ns:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.rotation import Vector
 from slosh_estimator.tuning import TUNING
+from slosh_metrics.input_checks.stamp_checks import StampUnit
 
 
 class SampleVerdict(Enum):
@@ -98,6 +99,7 @@ class SampleGate:
         used, dropped: samples that were used, and that were not.
         interval_ns: time between the last two that were used [ns]; 0: there is none.
         gap_ns: the last time without a sample that was longer than max_gap [ns]; 0: none.
+        unit: of the stamps' fractions of a second.
     """
 
     def __init__(self, settings: GateSettings) -> None:
@@ -105,6 +107,7 @@ class SampleGate:
         # Kept beside the counts: they are read for each message.
         self.used = self.dropped = 0
         self.interval_ns = self.gap_ns = 0
+        self.unit = StampUnit()
         self.change(settings)
         self._agreeing = 1 if settings.chosen else TUNING.agreeing
         self._restart_after = settings.restart_after
@@ -148,6 +151,7 @@ class SampleGate:
             now_ns: the time of its arrival, on the stamps' clock [ns]; None: age does not matter.
             fault: what is wrong with what else it tells.
         """
+        self.unit.take(stamp_ns)
         verdict = self._judge(stamp_ns, acceleration, now_ns, fault)
         self.counts[verdict] += 1
         if verdict is SampleVerdict.USE or verdict is SampleVerdict.RESTART:

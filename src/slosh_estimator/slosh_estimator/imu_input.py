@@ -94,6 +94,7 @@ class ImuInput(CheckedInput):
             stamp_ns, *a, self._yaw, restarted,
             (0.0, 0.0, math.sin(half), math.cos(half), *omega, *change),
             found and self.flags if self._remembers else self._doubtful, self.sampling.slow,
+            self._beginning.open and self._began(stamp_ns, a),
         )  # fmt: skip
 
     @property

@@ -98,6 +98,7 @@ class InputSettings(NamedTuple):
         since_ns: stamp of the first moving transform that is used for that [ns]; 0: of all.
         apart: see `AccelInput`.
         odometry: what is read of Odometry messages, their BY_TWIST or BY_POSE.
+        whole: whether the input is a motion that begins at rest, as a table's does.
     """
 
     kind: str | None = None
@@ -117,6 +118,7 @@ class InputSettings(NamedTuple):
     since_ns: int = 0
     apart: bool = False
     odometry: str = BY_TWIST
+    whole: bool = False
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> InputSettings:
@@ -277,6 +279,8 @@ class InputSettings(NamedTuple):
         found = self._reader(kind)
         if isinstance(self.pose_window, int):
             found.sampling.mute()
+        if self.whole:
+            found.assume_rest()
         found.sampling.carry(self.modes)
         return found
 
@@ -288,17 +292,15 @@ class InputSettings(NamedTuple):
         if kind == ACCEL:
             mount = SensorTransform() if self.placed else mount
             return AccelInput(self.gate, self.frames, mount, self.checks, apart=self.apart)
-        if kind == ODOMETRY and self.odometry == BY_POSE:
-            return OdometryPoses(
-                self.gate, self.pose_window, mount, self.checks, NOUNS[kind], self.smoothing
-            )
-        if kind in VELOCITIES:
+        by_pose = kind == ODOMETRY and self.odometry == BY_POSE
+        if kind in VELOCITIES and not by_pose:
             return VelocityInput(
                 self.gate, self.pose_window, mount, self.frames, self.checks, NOUNS[kind],
                 self.smoothing,
             )  # fmt: skip
         world = None if old else self.frames[0]
-        return PoseInput(
+        reader = OdometryPoses if by_pose else PoseInput
+        return reader(
             self.gate, self.pose_window, mount, world, self.any_world or kind != POSE,
             self.checks, NOUNS[kind], self.smoothing, self.base,
         )  # fmt: skip

@@ -17,6 +17,7 @@ from slosh_estimator.robot import Robot
 from slosh_estimator.sample import SECONDS_PER_NS
 from slosh_estimator.timed_pose import TimedPose
 from slosh_estimator.tuning import TUNING
+from slosh_metrics.input_checks.constant_meaning import Doubt
 
 _Layout = tuple[tuple[str, ...], tuple[int, ...]]
 """Of names: the joints among them that carry the container, and where they stand."""
@@ -51,6 +52,7 @@ class JointPoses:
         names: Sequence[str],
         positions: Sequence[float],
         velocities: Sequence[float] = (),
+        at_ns: int | None = None,
     ) -> list[TimedPose]:
         """Adds a joint state; returns the poses that are complete now, in order of time.
 
@@ -59,6 +61,7 @@ class JointPoses:
             names: (J,) of the joints, in any order.
             positions: (J,) [rad or m]; empty: the message tells none.
             velocities: (J,) [rad/s or m/s]; empty: it tells none.
+            at_ns: when the message arrived, or was recorded [ns]; None: not known.
         """
         known = self._layouts.get(tuple(names)) or self._layout(tuple(names))
         joints, places = known
@@ -78,7 +81,7 @@ class JointPoses:
             self.velocities.take(stamp_ns, values, [velocities[place] for place in places])
         if len(joints) == len(self._robot.carrying):  # as nearly always
             return [self._posed(stamp_ns, dict(zip(joints, values, strict=True)))]
-        self._streams.add(joints, stamp_ns, values)
+        self._streams.add(joints, stamp_ns, values, at_ns)
         return [
             self._posed(
                 at_ns,
@@ -104,6 +107,10 @@ class JointPoses:
         if silent is not None:
             return f"no joint states of {', '.join(silent[0])} for {silent[1]:.1f} s"
         return self._wrong or self._twice or self._robot.beyond
+
+    def clock_doubt(self) -> Doubt | None:
+        """Returns what the arrival of moving joints shows of their publishers' clocks."""
+        return self._streams.clock_doubt(lambda names: f"the joint states of {', '.join(names)}")
 
     @property
     def groups(self) -> int:

@@ -34,8 +34,10 @@ from slosh_estimator.sample import SECONDS_PER_NS, Sample
 from slosh_estimator.sampling import MEMORY, Modes, Sampling
 from slosh_estimator.state import remembered
 from slosh_estimator.tuning import TUNING
+from slosh_metrics.input_checks.beginning import began_doubt, speed_at_start
 from slosh_metrics.input_checks.constant_meaning import Doubt
 from slosh_metrics.input_checks.input_checks import PoseCheck
+from slosh_metrics.input_checks.jitter import JitterCheck
 from slosh_metrics.input_checks.message_checks import Leap, Stairs, ToAndFro, leap_doubt
 from slosh_metrics.tuning import TUNING as CHECKS
 
@@ -107,6 +109,7 @@ class PoseInput(CheckedInput):
         self.jumps = 0
         self._noun = noun
         self._to_and_fro, self._stairs = ToAndFro(noun), Stairs(noun, self.STAIR)
+        self._jitter = JitterCheck(noun, self.ORDER)
         self._leaps, self._aside, self._largest = 0, 0, Leap(0.0, 0.0, 0.0)
         self._aside_values: tuple[float, ...] = ()
         self._count, self._seconds = count, 0.0 if count else float(window)
@@ -277,6 +280,7 @@ class PoseInput(CheckedInput):
         """Checks a message against those before it."""
         self._to_and_fro.take(position)
         self._stairs.take(stamp_ns, (*position, *quaternion))
+        self._jitter.take(stamp_ns, position)
 
     def _leaped(self, stamp_ns: int, values: tuple[float, ...]) -> bool:
         """Returns whether a pose is none to which the motion of those before it leads.
@@ -300,7 +304,12 @@ class PoseInput(CheckedInput):
     def message_doubts(self) -> tuple[Doubt, ...]:
         """Returns what messages that contradict each other show."""
         leaps = leap_doubt(self._leaps, self._largest, self._noun) if self._leaps else None
-        found = (self._to_and_fro.raised, self._stairs.raised, leaps)
+        jitter = None
+        if self._to_and_fro.raised is None and self._stairs.raised is None:  # they scatter, too
+            modes = self.sampling.modes
+            frequency = modes[0][1] if modes else TUNING.fastest_mode
+            jitter = self._jitter.doubt(frequency, self.sampling.seconds)
+        found = (self._to_and_fro.raised, self._stairs.raised, leaps, jitter)
         return tuple(doubt for doubt in found if doubt is not None)
 
     @property
@@ -383,10 +392,25 @@ class PoseInput(CheckedInput):
             pose = self._turning(tau, attitudes, terms, offset)
             attitude = pose[:4] if offset else values[self._at, 3:].tolist()
             restarted, self._restarted = self._restarted, False
+            moving = self._beginning.open and self._began_moving(end)
             yaw = yaw_of_quaternion(*attitude)
             slow, stamp_ns = self.sampling.slow, centre_ns + offset_ns
-            found.append(Sample(stamp_ns, ax, ay, az, yaw, restarted, pose, doubtful, slow))
+            found.append(
+                Sample(stamp_ns, ax, ay, az, yaw, restarted, pose, doubtful, slow, moving)
+            )
         return found
+
+    def _began_moving(self, end: int) -> bool:
+        """Returns whether the poses up to an index move already at the first of them."""
+        if end < CHECKS.began_poses:
+            return False
+        self.assume_rest()
+        stamps, values = self._poses.stamps[:end], self._poses.values[:end, :3]
+        seconds = (stamps - stamps[0]) * SECONDS_PER_NS
+        speed = speed_at_start(seconds, values, self.ORDER - 1)
+        if speed and self.flags:
+            self.began = began_doubt(f"{speed:.2g} m/s")
+        return self.began is not None
 
     def _put_in_time(
         self, first: int, end: int, tau: Array, positions: Array

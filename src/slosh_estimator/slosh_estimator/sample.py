@@ -32,6 +32,7 @@ class Sample(NamedTuple):
             of the yaw alone.
         doubtful: whether what is measured cannot be what it is said to be.
         slow: whether the input comes too slowly to carry the sloshing modes.
+        moving: whether it shows that the container moved already when the input began.
     """
 
     stamp_ns: int
@@ -43,6 +44,7 @@ class Sample(NamedTuple):
     pose: Pose | None = None
     doubtful: bool = False
     slow: bool = False
+    moving: bool = False
 
 
 class Samples(NamedTuple):
@@ -54,7 +56,7 @@ class Samples(NamedTuple):
         yaws: (N,) [rad].
         restarted: (N,) whether nothing links a sample to those before.
         poses: (N, POSE_COUNT) as in Sample; None: upright throughout.
-        doubtful, slow: (N,) as in Sample; None: none of them.
+        doubtful, slow, moving: (N,) as in Sample; None: none of them.
     """
 
     stamps: NDArray[np.int64]
@@ -64,6 +66,7 @@ class Samples(NamedTuple):
     poses: NDArray[np.float64] | None = None
     doubtful: NDArray[np.bool_] | None = None
     slow: NDArray[np.bool_] | None = None
+    moving: NDArray[np.bool_] | None = None
 
     @classmethod
     def of(cls, samples: Sequence[Sample]) -> Samples:
@@ -77,6 +80,7 @@ class Samples(NamedTuple):
             _poses(samples),
             np.array([sample.doubtful for sample in samples], dtype=bool),
             np.array([sample.slow for sample in samples], dtype=bool),
+            np.array([sample.moving for sample in samples], dtype=bool),
         )
 
     def rows(self, chosen: NDArray[np.bool_]) -> Samples:
@@ -87,6 +91,7 @@ class Samples(NamedTuple):
             None if self.poses is None else self.poses[chosen],
             None if self.doubtful is None else self.doubtful[chosen],
             None if self.slow is None else self.slow[chosen],
+            None if self.moving is None else self.moving[chosen],
         )  # fmt: skip
 
     def one(self, index: int) -> Sample:
@@ -98,6 +103,7 @@ class Samples(NamedTuple):
             None if self.poses is None else tuple(self.poses[index].tolist()),
             self.doubtful is not None and bool(self.doubtful[index]),
             self.slow is not None and bool(self.slow[index]),
+            self.moving is not None and bool(self.moving[index]),
         )  # fmt: skip
 
 

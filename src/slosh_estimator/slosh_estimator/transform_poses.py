@@ -15,6 +15,7 @@ from slosh_estimator.mounting import Quaternion, composed
 from slosh_estimator.rotation import Vector
 from slosh_estimator.timed_pose import TimedPose
 from slosh_estimator.tuning import TUNING
+from slosh_metrics.input_checks.constant_meaning import Doubt
 
 
 class Transform(NamedTuple):
@@ -60,15 +61,19 @@ class TransformPoses:
         self._count = 0
         self._since_ns = 0
         self._newest_ns = 0
+        self._at_ns: int | None = None
 
-    def take(self, transforms: Iterable[Transform], *, fixed: bool = False) -> list[TimedPose]:
+    def take(
+        self, transforms: Iterable[Transform], *, fixed: bool = False, at_ns: int | None = None
+    ) -> list[TimedPose]:
         """Returns the poses that transforms complete, in order of time.
 
         Args:
             transforms: of one message.
             fixed: whether they hold for all time.
+            at_ns: when the message arrived, or was recorded [ns]; None: not known.
         """
-        fed = False
+        fed, self._at_ns = False, at_ns
         for one in transforms:
             child, parent = one.child.lstrip("/"), one.parent.lstrip("/")
             if self._parents.get(child) != parent:
@@ -90,7 +95,7 @@ class TransformPoses:
     def _feed(self, child: str, stamp_ns: int, values: Values) -> bool:
         """Stores a moving transform; returns whether it may complete poses."""
         if self._is_past or self.since_ns is None:
-            self._streams.add(child, stamp_ns, values)
+            self._streams.add(child, stamp_ns, values, self._at_ns)
             return True
         if self.since_ns:
             if stamp_ns >= self.since_ns:
@@ -139,6 +144,10 @@ class TransformPoses:
                 f"{still * 1e-9:.0f} s: {' → '.join((self._world, *reversed(self._chain)))}"
             )
         return ""
+
+    def clock_doubt(self) -> Doubt | None:
+        """Returns what the arrival of moving transforms shows of their publishers' clocks."""
+        return self._streams.clock_doubt(lambda child: f"the transforms of {child!r}")
 
     def facts(self) -> dict[str, str]:
         """Returns the chain of transforms as text, for the diagnostics."""

@@ -5,8 +5,13 @@ from __future__ import annotations
 import math
 from enum import IntFlag
 
+from slosh_estimator.tuning import TUNING
+from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.model import Model
+
+SLOWEST_DECAY = 1e-6
+"""A wave that decays more slowly never does [1/s]."""
 
 
 class EstimateFlag(IntFlag):
@@ -40,6 +45,19 @@ def validity_limits(model: Model) -> dict[str, float]:
         "linear_height": model.container.linear_height,
         "rim": math.inf if rim is None else rim,
     }
+
+
+def settling_seconds(model: Model) -> float:
+    """Returns the time after which an unknown state of the liquid is forgotten [s]."""
+    first = model.mode_constants()[0]
+    slowest = min(first.along(axis).natural_frequency for axis in (X_AXIS, Y_AXIS))
+    rate = first.damping_ratio * slowest
+    return TUNING.settled / rate if rate > SLOWEST_DECAY else math.inf
+
+
+def began_text(text: str, model: Model) -> str:
+    """Returns what is told of an input that begins in motion, with the time that this matters."""
+    return f"{text}: the first {settling_seconds(model):.0f} s with this model"
 
 
 def attitude_warning(model: Model, kind: str) -> str:

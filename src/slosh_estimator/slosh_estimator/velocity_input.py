@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 from slosh_estimator.errors import SloshEstimatorError
@@ -27,6 +28,11 @@ from slosh_estimator.rotation import Vector
 from slosh_estimator.sample import SECONDS_PER_NS, Sample
 from slosh_estimator.tuning import TUNING
 from slosh_metrics.input_checks.constant_meaning import Doubt
+from slosh_metrics.input_checks.input_faults import (
+    MIXED_INPUT,
+    FaultWatch,
+    find_mixed_velocities,
+)
 from slosh_metrics.input_checks.message_checks import Dropouts, TwistCheck
 from slosh_metrics.tuning import TUNING as CHECKS
 
@@ -96,6 +102,7 @@ class VelocityInput(PoseInput):
         self._held = rotated(turn, mount.to_origin), turn  # where the container stands in it
         self._world = frames[0]
         self._twists, self._dropouts = TwistCheck(), Dropouts(noun)
+        self._turns = FaultWatch(find=find_mixed_velocities)
         self._container, self._assumed = frames[1], ""
         self._yaw = self._rate = 0.0
         self._place, self._velocity = _NOWHERE, _NOWHERE
@@ -116,6 +123,7 @@ class VelocityInput(PoseInput):
         turned = self._integrated(stamp_ns, angular[2]) if attitude is None else attitude
         if not in_world:
             linear, angular = rotated(turned, linear), rotated(turned, angular)
+        self._stairs.take(stamp_ns, sent)  # as a turn changes each value in the world's axes
         if position is not None:
             self._to_and_fro.take(position)
             self._twists.take(stamp_ns, position, linear, sent)
@@ -170,8 +178,10 @@ class VelocityInput(PoseInput):
 
     def _look(self, stamp_ns: int, position: Vector, quaternion: Quaternion) -> None:
         """Checks a velocity against those before it."""
-        self._stairs.take(stamp_ns, position)
         self._dropouts.take(stamp_ns, position)
+        if stamp_ns > self._last_ns:  # as found in the look before
+            self._turns.take(stamp_ns, position)
+        self._jitter.take(stamp_ns, position)
 
     def _leaped(self, stamp_ns: int, values: tuple[float, ...]) -> bool:
         """Returns False: a leap of the velocity is no fault but a strong acceleration."""
@@ -182,7 +192,11 @@ class VelocityInput(PoseInput):
         doubt = self._twists.raised
         if doubt is not None and doubt.wrong:
             doubt = Doubt(f"{doubt.text}; {_REMEDY}")
-        found = (*super().message_doubts(), doubt, self._dropouts.raised)
+        self._turns.finish()
+        mixed = None
+        if self._turns.faults and not self._to_and_fro.raised:
+            mixed = Doubt(f"successive {self._noun} jump to and fro: {MIXED_INPUT}")
+        found = (*super().message_doubts(), doubt, self._dropouts.raised, mixed)
         return tuple(one for one in found if one is not None)
 
     def remark(self) -> str | None:
@@ -201,28 +215,11 @@ class VelocityInput(PoseInput):
 
 
 class OdometryPoses(PoseInput):
-    """Converts the poses of Odometry messages to input samples; see `PoseInput`.
+    """Converts the poses of Odometry messages to input samples; see `PoseInput`."""
 
-    Args:
-        settings: limits of the gate.
-        window: length of the window [s].
-        transform: container ← the frame that moves.
-        checks: see `InputSettings`.
-        noun: what comes, in the plural.
-        smoothing: see `PoseInput`.
-    """
-
-    def __init__(
-        self,
-        settings: GateSettings,
-        window: float = 0.0,
-        transform: SensorTransform | None = None,
-        checks: bool | None = True,
-        noun: str = "odometry messages",
-        smoothing: float = 0.0,
-    ) -> None:
-        super().__init__(settings, window, transform, None, True, checks, noun, smoothing)
-        self._twists = TwistCheck()
+    @cached_property
+    def _twists(self) -> TwistCheck:
+        return TwistCheck()
 
     def update_twist(self, twist: Twist, now_ns: int | None = None) -> list[Sample]:
         """Returns the samples that an Odometry message completes; see `PoseInput.update`.
@@ -234,7 +231,8 @@ class OdometryPoses(PoseInput):
         if twist.attitude is None or twist.position is None:
             raise SloshEstimatorError("a velocity without a pose cannot be read by its pose")
         twist.compare(self._twists)
-        return self.update(twist.stamp_ns, twist.position, twist.attitude, now_ns)
+        frame = self._frame or ""  # the parent's, which is the world
+        return self.update(twist.stamp_ns, twist.position, twist.attitude, now_ns, frame)
 
     def message_doubts(self) -> tuple[Doubt, ...]:
         """Returns what messages that contradict themselves or each other show."""

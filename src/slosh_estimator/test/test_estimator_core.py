@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.estimator import Estimate, Estimator
 from slosh_estimator.sample import Sample, Samples
-from slosh_estimator.validity import EstimateFlag
+from slosh_estimator.validity import EstimateFlag, settling_seconds
 from slosh_model.limits import ValidityLimits
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model
@@ -197,6 +198,27 @@ def test_what_starts_anew_at_rest_is_known(how: str, tilt: float) -> None:
     run(estimator, 50, (0.0, 0.0, 0.0))
     estimator.reset() if how == "reset" else estimator.load_model(MODEL)
     assert not run(estimator, 50, (0.0, 0.0, 0.0), first=50)
+
+
+@pytest.mark.parametrize("blocks", [False, True])
+def test_an_input_that_begins_in_motion_settles(blocks: bool) -> None:
+    """Tests SETTLING from the sample that shows it until the wave from before has decayed."""
+    model = Model.from_cup(diameter=0.08, fill_height=0.06)
+    lasts = settling_seconds(model)
+    count, shown = int(10 * (lasts + 2.0)), 3
+    stamps = np.arange(count, dtype=np.int64) * (SECOND // 10)
+    moving = np.arange(count) == shown
+    samples = Samples(
+        stamps, np.zeros((count, 3)), np.zeros(count), np.arange(count) == 0, moving=moving
+    )
+    estimator = Estimator(model)
+    if blocks:
+        flags = estimator.update_many(samples).flags
+    else:
+        flags = np.array([estimator.update(samples.one(k)).flags for k in range(count)])
+    settling = flags & int(EstimateFlag.SETTLING) != 0
+    until = stamps[shown] + round(lasts * SECOND)
+    assert settling.tolist() == ((stamps >= stamps[shown]) & (stamps < until)).tolist()
 
 
 def test_an_input_with_which_no_liquid_can_rest_gives_no_height() -> None:

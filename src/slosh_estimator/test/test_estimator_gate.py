@@ -125,3 +125,13 @@ def test_many_samples_at_once_are_judged_as_one_by_one(
     assert used == [verdict in (SampleVerdict.USE, SampleVerdict.RESTART) for verdict in expected]
     assert restarted == [verdict is SampleVerdict.RESTART for verdict in expected]
     assert (many.counts, many.used, many.dropped) == (single.counts, single.used, single.dropped)
+
+
+def test_a_gate_names_the_unit_of_stamps_that_it_drops() -> None:
+    gate = SampleGate(GateSettings())
+    for k in range(400):
+        now = 1_700_000_000 * 10**9 + k * 10_000_000
+        second, fraction = divmod(now, 10**9)
+        gate.judge(second * 10**9 + fraction // 1000, None, now)
+    assert gate.dropped > 100
+    assert "holds microseconds" in gate.unit.text

@@ -243,3 +243,62 @@ def test_poses_in_a_frame_that_is_not_the_worlds_are_dropped_and_named() -> None
     free = PoseInput(GATE, 5, frame="world", any_frame=True)
     free.update(0, (0.0, 0.0, 0.0), LEVEL, None, "base")
     assert "'base' are assumed to be in the world's frame" in str(free.remark())
+
+
+def stroke(t: float) -> float:
+    """Returns the place on a stroke of 0.5 m in 0.7 s from 0 on [m]."""
+    s = min(max(t / 0.7, 0.0), 1.0)
+    return 0.5 * s**3 * (10.0 - 15.0 * s + 6.0 * s * s)
+
+
+@pytest.mark.parametrize("rate", [50, 125, 500])
+@pytest.mark.parametrize("begin", [-0.5, 0.0, 0.3])
+def test_poses_that_begin_in_motion_say_so_once(rate: int, begin: float) -> None:
+    reader = PoseInput(GATE, checks=True)
+    samples = []
+    for k in range(rate):
+        place = (stroke(begin + k / rate), 0.0, 0.0)
+        samples += reader.update(SECOND + k * SECOND // rate, place, LEVEL)
+    moving = [sample.stamp_ns for sample in samples if sample.moving]
+    assert len(moving) == (begin > 0.0)
+    assert not moving or moving[0] < 1.15 * SECOND
+    assert (reader.began is not None) == (begin > 0.0)
+
+
+@pytest.mark.parametrize("kind", ["accel", "imu"])
+@pytest.mark.parametrize("shake", [0.0, 4.0])
+def test_accelerations_that_begin_in_motion_say_so_live_and_in_blocks(
+    kind: str, shake: float
+) -> None:
+    stamps = np.arange(100, dtype=np.int64) * (SECOND // 100) + SECOND
+    values = np.column_stack([shake * np.cos(9.0 * np.arange(100) / 100.0)] + [np.zeros(100)] * 2)
+    moving = []
+    for stamp, (x, y, z) in zip(stamps.tolist(), values.tolist(), strict=True):
+        if kind == "accel":
+            if not moving:
+                accel = AccelInput(GATE, ("world",), checks=True)
+            sample = accel.update(stamp, "world", x, y, z)
+        else:
+            if not moving:
+                imu = ImuInput(GATE, SensorTransform(), checks=True)
+            sample = imu.update(stamp, (x, y, z + GRAVITY), (0.0, 0.0, 0.0))
+        assert sample is not None
+        moving.append(sample.moving)
+    assert sum(moving) == (shake > 0.0)
+    frames = np.full(100, "world", dtype=object)
+    found = AccelInput(GATE, ("world",), checks=True).update_many(stamps, frames, values).moving
+    assert found is not None
+    assert found.tolist() == moving
+
+
+def test_an_input_that_is_taken_up_does_not_begin() -> None:
+    before = AccelInput(GATE, ("world",), checks=True)
+    for k in range(50):
+        before.update(k * 10 * MS, "world", 0.0, 0.0, 0.0)
+    after = AccelInput(GATE, ("world",), checks=True)
+    after.take_up(490 * MS, before.memory)
+    samples = [
+        after.update((500 + 10 * k) * MS, "world", 5.0 * math.cos(0.1 * k), 0.0, 0.0)
+        for k in range(50)
+    ]
+    assert not any(sample is not None and sample.moving for sample in samples)

@@ -172,3 +172,36 @@ def test_a_clock_that_is_set_back_later_is_followed() -> None:
             link = Transform("world", "cup", begin + k * MS, (0.01 * k, 0.0, 0.0), (0, 0, 0, 1.0))
             found += poses.take([link])
     assert found[-1].stamp_ns == BEGIN + 2990 * MS
+
+
+def clocks(rail_ms, wrist_ms, offset_ms=0.0, moved=1.0):
+    """Returns the doubt about transforms that arrive so long after their stamps [ms]."""
+    poses = chain()
+    for ms in range(0, 2000, 10):
+        for made, late in ((rail(moved * ms), rail_ms), (wrist(ms), wrist_ms)):
+            link_then = made._replace(stamp_ns=BEGIN + ms * MS)
+            poses.take([link_then], at_ns=BEGIN + round((ms + late + offset_ms) * MS))
+    return poses.clock_doubt()
+
+
+def test_transforms_stamped_ahead_of_their_arrival_are_named():
+    doubt = clocks(-100.0, 2.0)
+    assert "the transforms of 'rail' are stamped 100 ms ahead" in doubt.text
+    assert doubt.wrong
+
+
+def test_transforms_that_may_be_late_are_a_remark():
+    doubt = clocks(60.0, 2.0)
+    assert "the transforms of 'rail' arrive 60 ms after their stamps" in doubt.text
+    assert not doubt.wrong
+
+
+@pytest.mark.parametrize(
+    ("rail_ms", "wrist_ms", "offset_ms", "moved"),
+    [(2.0, 20.0, 0.0, 1.0), (2.0, 2.0, -300.0, 1.0), (2.0, 2.0, 5000.0, 1.0),
+     (-300.0, 2.0, 0.0, 0.005)],
+)  # fmt: skip
+def test_small_delays_common_offsets_and_corrections_are_no_fault(
+    rail_ms, wrist_ms, offset_ms, moved
+):
+    assert clocks(rail_ms, wrist_ms, offset_ms, moved) is None

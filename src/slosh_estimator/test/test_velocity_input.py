@@ -113,3 +113,59 @@ def test_a_rate_that_is_too_low_is_flagged():
         found += reader.update_twist(twist_at(t, TWIST, "base_link"))
     assert found[-1].slow
     assert "velocities arrive at 22.2 Hz" in reader.sampling.sentence()
+
+
+def told(reader, rows):
+    """Returns what a reader says of stamps [s] with velocities along x [m/s]."""
+    for t, speed in rows:
+        stamp = BEGIN + round(t * 1e9)
+        reader.update_twist(Twist(stamp, (speed, 0.0, 0.0), (0.0, 0.0, 0.0), None, "world"))
+    return " ".join(doubt.text for doubt in reader.message_doubts())
+
+
+def speed(t):
+    """Returns the speed of strokes of 0.4 m there and back [m/s]."""
+    found = 0.0
+    for begin, sign in ((1.0, 1.0), (3.5, -1.0)):
+        s = min(max((t - begin) / 0.8, 0.0), 1.0)
+        found += sign * 15.0 * s**2 * (1.0 - s) ** 2
+    return found
+
+
+@pytest.mark.parametrize(("rate", "other"), [(100, 50), (125, 125), (250, 50)])
+@pytest.mark.parametrize("late", [0.04, 0.1])
+def test_velocities_of_a_second_publisher_that_is_late_are_named(rate, other, late):
+    rows = [(k / rate, speed(k / rate)) for k in range(6 * rate)]
+    rows += [(k / other + 0.002, speed(k / other - late)) for k in range(6 * other)]
+    assert "several publishers" in told(reader_of(TWIST), sorted(rows))
+
+
+@pytest.mark.parametrize("rate", [20, 100, 250])
+@pytest.mark.parametrize("noise", [0.0, 0.005, 0.05])
+def test_one_publisher_with_noise_and_slip_is_not_two(rate, noise):
+    draw = np.random.default_rng(rate)
+    rows = [
+        ((k + draw.uniform(0.0, 0.5)) / rate, speed(k / rate) * draw.normal(1.0, 0.05))
+        for k in range(6 * rate)
+    ]
+    noisy = [(t, value + draw.normal(0.0, noise)) for t, value in rows]
+    assert "publishers" not in told(reader_of(TWIST), noisy)
+
+
+def test_stairs_of_a_twist_are_seen_while_the_frame_turns():
+    reader = reader_of(ODOMETRY)
+    for k in range(300):
+        held = (speed(0.01 * (k - k % 5)), 0.0, 0.0)
+        reader.update_twist(twist_at(0.01 * k, ODOMETRY)._replace(linear=held))
+    assert "renewed at 20 Hz" in " ".join(doubt.text for doubt in reader.message_doubts())
+
+
+def test_odometry_read_by_its_pose_has_no_remark_about_frames():
+    reader = reader_of(ODOMETRY, odometry="pose")
+    for k in range(100):
+        x, y, yaw = vehicle(0.01 * k).tolist()
+        twist = twist_at(0.01 * k, ODOMETRY)
+        assert twist.attitude == (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+        reader.update_twist(twist._replace(position=(x, y, 0.0)))
+    assert reader.remark() is None
+    assert reader.message_doubts() == ()

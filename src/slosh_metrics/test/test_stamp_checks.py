@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slosh_metrics.input_checks.stamp_checks import stamp_doubts
+from slosh_metrics.input_checks.stamp_checks import StampUnit, stamp_doubts
 
 BEGIN = 1_700_000_000_000_000_000
 RATES = [10.0, 20.0, 50.0, 100.0, 125.0, 250.0, 500.0, 1000.0]
@@ -75,3 +75,25 @@ def test_a_simulated_clock_is_no_fault_but_told():
     assert "a simulated clock" in doubt
     assert not doubt.wrong
     assert stamp_doubts(nanoseconds(t) - BEGIN + 10**9, logs, "poses") == ()
+
+
+@pytest.mark.parametrize(
+    ("unit", "word"), [(1, "always 0"), (1_000, "milliseconds"), (1_000_000, "microseconds")]
+)
+@pytest.mark.parametrize("rate", [20.0, 125.0, 500.0])
+def test_a_fraction_in_another_unit_is_named(rate, unit, word):
+    t, logs = even(rate)
+    stamps = nanoseconds(t)
+    seconds, fractions = np.divmod(stamps, 10**9)
+    wrong = seconds * 10**9 + (0 if unit == 1 else fractions * unit // 10**9)
+    (doubt,) = stamp_doubts(wrong, logs, "poses")
+    assert word in doubt
+    assert "in ns" in doubt
+
+
+@pytest.mark.parametrize("rate", [1.0, 2.0, 1000.0])
+def test_stamps_at_whole_seconds_and_within_the_first_second_are_no_fault(rate):
+    unit = StampUnit()
+    for stamp in (BEGIN + np.arange(60) * round(1e9 / rate)).tolist():
+        unit.take(stamp)
+        assert unit.text == ""

@@ -11,6 +11,8 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_bringup.errors import SloshBringupError
+from slosh_estimator.validity import began_text
+from slosh_metrics.input_checks.beginning import BEGAN
 from slosh_metrics.input_checks.table_checks import InputDoubt, motion_doubts
 from slosh_model.gaps import row_spacing, unresolved
 from slosh_model.least_wave import growth_text
@@ -238,7 +240,11 @@ def check_possible(path: Path, motion: MotionTable) -> None:
 def doubts(model: Model, motion: MotionTable) -> tuple[InputDoubt, ...]:
     """Lists what looks wrong in a motion table; empty if nothing does."""
     sparse = rows_doubt(row_spacing(motion.t, motion.acceleration), model)
-    told = tuple(InputDoubt(remark.text) for remark in motion.remarks if remark.wrong)
+    told = tuple(
+        InputDoubt(began_text(remark.text, model) if BEGAN in remark.text else remark.text)
+        for remark in motion.remarks
+        if remark.wrong
+    )
     if any(doubt.wrong for doubt in sparse):
         # What such rows tell of rest and gravity says nothing.
         return (*told, *sparse)

@@ -53,7 +53,7 @@ from slosh_estimator.sample import Sample
 from slosh_estimator.sampling import modes_of
 from slosh_estimator.tray_estimator import TrayEstimator
 from slosh_estimator.tuning import TUNING
-from slosh_estimator.validity import EstimateFlag, attitude_warning
+from slosh_estimator.validity import EstimateFlag, attitude_warning, began_text
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.tray import TRAY, Tray, format_tray, read_tray
@@ -347,10 +347,10 @@ class EstimatorNode(PreparedNode):
         source = self._input
         if self._subscription.contested or source.contested:
             flags |= _CONTESTED
-        if source.contradicted:
+        gate = source.gate
+        if source.contradicted or gate.unit.text:
             flags |= _CONTRADICTED
         self._flags |= flags
-        gate = source.gate
         fill(self._message, estimate, self._wall)
         self._message.flags = flags
         self._message.samples_used = gate.used
@@ -461,10 +461,12 @@ class EstimatorNode(PreparedNode):
         rivals = self._subscription.rivals()
         self._contested = _CONTESTED if self._subscription.rivalled else 0
         wrong_input, second = self._second.look()
-        self._contradicted = _CONTRADICTED if wrong_input else 0
+        clocks = self._subscription.clock_doubt()
+        wrong_clock = clocks is not None and clocks.wrong
+        self._contradicted = _CONTRADICTED if wrong_input or wrong_clock else 0
         doubt = self._input.doubt
         messages = self._input.message_doubts() if self._input.flags else ()
-        doubts = ((doubt,) if doubt is not None else ()) + messages
+        doubts = tuple(one for one in (doubt, clocks, *messages) if one is not None)
         wrong = next((one.text for one in doubts if one.wrong), "") or wrong_input
         warning = rivals or self._subscription.trouble() or wrong or self._input.warning()
         if warning:
@@ -473,7 +475,7 @@ class EstimatorNode(PreparedNode):
             return fault
         hint = self._attitude_warning or self._input.sampling.sentence() or second
         hint = hint or (self._observed.warning() if self._observed is not None else "")
-        remark = hint or (doubts[0].text if doubts else self._input.remark())
+        remark = hint or self._began() or (doubts[0].text if doubts else self._input.remark())
         if remark or faults:
             return WARN, remark or faults
         if fault is not None:
@@ -487,6 +489,13 @@ class EstimatorNode(PreparedNode):
             names = (flag.name or "" for flag in EstimateFlag if flag & flags)
             return WARN, f"validity flags {flags:#x}: {', '.join(names)}"
         return OK, f"estimating with {', '.join(self._estimator.names)}"
+
+    def _began(self) -> str:
+        """Returns that the input began in motion, as long as that makes the estimates wrong."""
+        began = self._input.began
+        if began is None or not self._flags & EstimateFlag.SETTLING:
+            return ""
+        return began_text(began.text, self._estimator.model)
 
     def _facts(self) -> dict[str, Any]:
         gate = self._input.gate

@@ -72,6 +72,8 @@ class InputHealth:
         Args:
             gate: that judges the input.
         """
+        if gate.unit.text:
+            return ERROR, gate.unit.text
         used, self._used = gate.used - self._used, gate.used
         restarts = gate.counts[SampleVerdict.RESTART] - self._restarts
         self._restarts += restarts

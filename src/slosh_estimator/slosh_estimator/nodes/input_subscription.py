@@ -33,6 +33,7 @@ from slosh_estimator.sample import Sample
 from slosh_estimator.timed_pose import TimedPose
 from slosh_estimator.transform_poses import Transform, TransformPoses
 from slosh_estimator.velocity_input import OdometryPoses, Twist, VelocityInput
+from slosh_metrics.input_checks.constant_meaning import Doubt
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import find_type
 from slosh_msgs_py.node.guarded import GuardedNode
@@ -205,6 +206,11 @@ class InputSubscription:
         """Returns in one line why messages give no pose; empty if they do."""
         return self.poses.trouble() if self.poses is not None else ""
 
+    def clock_doubt(self) -> Doubt | None:
+        """Returns what the arrival of messages shows of their publishers' clocks."""
+        poses = self.poses
+        return poses.clock_doubt() if isinstance(poses, JointPoses | TransformPoses) else None
+
     def facts(self) -> dict[str, str]:
         """Returns texts on the state of the input by name, for the diagnostics."""
         told = {} if self.poses is None else self.poses.facts()
@@ -290,7 +296,7 @@ class InputSubscription:
     def _on_chained(self, poses: TransformPoses, links: list[Transform]) -> None:
         """Computes container poses from a chain of transforms, and processes these poses."""
         before = poses.since_ns
-        found = poses.take(links)
+        found = poses.take(links, at_ns=self._now())
         if poses.since_ns and poses.since_ns != before:  # what a replay must know
             self._mounted({CHAINED_SINCE: poses.since_ns})
         self._on_poses(found, self._world)
@@ -315,7 +321,8 @@ class InputSubscription:
     def _on_joints(self, message: Any) -> None:
         assert isinstance(self.poses, JointPoses)
         stamp = to_nanoseconds(message.header.stamp)
-        found = self.poses.take(stamp, message.name, message.position, message.velocity)
+        at_ns = self._now()
+        found = self.poses.take(stamp, message.name, message.position, message.velocity, at_ns)
         self._on_poses(found, self._world)
 
     def _on_transforms(self, message: Any, *, fixed: bool) -> None:

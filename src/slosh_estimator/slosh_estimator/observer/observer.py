@@ -138,7 +138,8 @@ class Observer:
         if stamp_ns < self._newest_ns:  # time was set back: older motions lie ahead
             self._motions, self._moved_ns = MotionFinder(), None
         now = (stamp_ns - self._epoch_ns) / 1e9
-        restarts = sample.restarted or bool(flags & _RESTARTS) or stamp_ns <= self._newest_ns
+        restarts = sample.restarted or sample.moving or bool(flags & _RESTARTS)
+        restarts |= stamp_ns <= self._newest_ns
         if restarts or not self._count or not self._step(sample, now):
             unknown = bool(flags & (_RESTARTS | _SETTLING)) or self._count > 0
             self._restart(now, at_rest=not unknown)

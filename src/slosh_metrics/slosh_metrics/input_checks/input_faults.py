@@ -18,7 +18,7 @@ An input that holds its values at a lower rate than its stamps (125 Hz written a
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from enum import Enum
 from typing import NamedTuple
 
@@ -32,6 +32,9 @@ from slosh_metrics.tuning import TUNING
 AXES = ("ax", "ay", "az")
 MIXED_INPUT = "several publishers are mixed on its topic; stop one of them and record again"
 """What such a fault comes from, and what helps."""
+
+Finder = Callable[[Array, Array], "tuple[InputFault, ...]"]
+"""Takes (N,) times [s] and (N, 3) values, and returns the faults among them."""
 
 
 class FaultKind(Enum):
@@ -102,18 +105,33 @@ def find_input_faults(t: Array, acceleration: Array) -> tuple[InputFault, ...]:
     return tuple(sorted(groups, key=lambda fault: fault.start))
 
 
+def find_mixed_velocities(t: Array, velocities: Array) -> tuple[InputFault, ...]:
+    """Finds out whether velocities are those of two publishers in turn, one of them late.
+
+    Args:
+        t: (N,) increasing [s].
+        velocities: (N, 3) [m/s].
+    """
+    if len(t) < TUNING.least_samples:
+        return ()
+    spans = _mixed(t, velocities, TUNING.apart_speed, TUNING.in_turn_speed, TUNING.least_speed)
+    return tuple(_one(FaultKind.MIXED, spans))
+
+
 class FaultWatch:
     """Finds the faults of an input that arrives in parts.
 
     Args:
         has_gravity: whether the samples are specific forces, which rest at gravity.
+        find: finds the faults of a part.
 
     Attributes:
         faults: each kind (and each clipped axis and value) once, with how often it occurred.
     """
 
-    def __init__(self, *, has_gravity: bool = False) -> None:
+    def __init__(self, *, has_gravity: bool = False, find: Finder = find_input_faults) -> None:
         self.faults: list[InputFault] = []
+        self._find = find
         self._has_gravity = has_gravity
         self._taken: list[tuple[int, tuple[float, float, float]]] = []
         self._origin: int | None = None
@@ -159,7 +177,7 @@ class FaultWatch:
             self._origin = int(self._stamps[0])
         rest = np.median(self._values, axis=0) if self._has_gravity else np.zeros(3)
         t = (self._stamps - self._origin) / SECOND
-        for fault in find_input_faults(t, self._values - rest):
+        for fault in self._find(t, self._values - rest):
             self._count(fault._replace(value=fault.value + float(rest[fault.axis])))
         # A fault at the end is seen with what follows.
         kept = self._stamps > self._stamps[-1] - TUNING.overlap_ns
@@ -304,13 +322,19 @@ def _jump(steps: Array, start: int, end: int) -> float:
     return float(steps[end - 1]) if end - 1 < len(steps) else 0.0
 
 
-def _mixed(t: Array, acceleration: Array) -> list[tuple[float, float]]:
-    beside = acceleration[2:] - acceleration[:-2]
-    off = acceleration[1:-1] - acceleration[:-2] - 0.5 * beside
+def _mixed(
+    t: Array,
+    values: Array,
+    apart: float = TUNING.apart,
+    in_turn: int = TUNING.in_turn,
+    at_least: int = TUNING.at_least,
+) -> list[tuple[float, float]]:
+    beside = values[2:] - values[:-2]
+    off = values[1:-1] - values[:-2] - 0.5 * beside
     sizes = np.linalg.norm(off, axis=1)
-    least = np.maximum(TUNING.sticks_out * np.linalg.norm(beside, axis=1), TUNING.apart)
+    least = np.maximum(TUNING.sticks_out * np.linalg.norm(beside, axis=1), apart)
     rows = np.flatnonzero(sizes > least)
-    if len(rows) < TUNING.in_turn:
+    if len(rows) < in_turn:
         return []
     size, between = sizes[rows], np.diff(rows)
     ratio = size[1:] / size[:-1]
@@ -319,10 +343,8 @@ def _mixed(t: Array, acceleration: Array) -> list[tuple[float, float]]:
     regular = change <= np.maximum(TUNING.regular * between, 1.0)
     turns = regular & (between <= TUNING.most_between)
     turns &= (ratio > TUNING.alike) & (ratio < 1.0 / TUNING.alike) & (cosine > TUNING.along)
-    runs = [
-        rows[start : end + 1] + 1 for start, end in _runs(turns) if end - start >= TUNING.in_turn
-    ]
-    if sum(map(len, runs)) < TUNING.at_least:
+    runs = [rows[start : end + 1] + 1 for start, end in _runs(turns) if end - start >= in_turn]
+    if sum(map(len, runs)) < at_least:
         return []
     both, rest = np.sum([_unevenness(t, run) for run in runs], axis=0)
     if (

@@ -20,7 +20,45 @@ from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_metrics.tuning import TUNING
 
 _DAY = 86_400.0
+_UNITS = {
+    "is always 0": SECOND, "holds milliseconds": SECOND // 1_000, "holds microseconds": 1_000
+}  # fmt: skip
+"""What a fraction is whose largest value is below a second's nanoseconds over this."""
 _REMEDY = "let the driver stamp each message with the time of measurement"
+
+
+class StampUnit:
+    """Finds stamps whose fraction of a second is in another unit than nanoseconds, or missing.
+
+    Within a second such fractions stay below what the unit allows.
+    """
+
+    def __init__(self) -> None:
+        self._largest = self._count = self._seconds = 0
+        self._second = -1
+
+    def take(self, stamp_ns: int) -> None:
+        """Adds a stamp [ns]."""
+        second, fraction = divmod(stamp_ns, SECOND)
+        self._count += 1
+        self._seconds += second != self._second
+        self._second = second
+        if fraction > self._largest:
+            self._largest = fraction
+
+    @property
+    def text(self) -> str:
+        """What is wrong, with the remedy; empty: nothing is known to be."""
+        # One second alone may have begun with the first message.
+        if self._count < TUNING.clock_messages or not 3 <= self._seconds <= self._count // 3:
+            return ""
+        for name, unit in _UNITS.items():
+            if self._largest < SECOND // unit:
+                return (
+                    f"the stamps' nanosec {name}: "
+                    "write the fraction of the second in ns, below 1000000000"
+                )
+        return ""
 
 
 class _Clock(NamedTuple):
@@ -42,6 +80,11 @@ def stamp_doubts(stamps: Integers, logs: Integers, noun: str) -> tuple[InputDoub
     if np.count_nonzero(filled) < TUNING.clock_messages:
         return ()
     stamps, logs = stamps[filled], logs[filled]
+    unit = StampUnit()
+    for stamp in stamps.tolist():
+        unit.take(stamp)
+    if unit.text:
+        return (InputDoubt(unit.text),)
     clock = _Clock((stamps - stamps[0]) / SECOND, (logs - logs[0]) / SECOND)
     if not clock.stamps.any():
         return (InputDoubt(f"all {noun} have the same stamp: {_REMEDY}"),)

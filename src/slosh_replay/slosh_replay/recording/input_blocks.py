@@ -75,7 +75,7 @@ class InputBlocks:
         self._fields = fields(sources.kind)
         self._world = how.frames[0]
         self._kind = sources.kind
-        self._count = self._messages = self._stamped = 0
+        self._count = self._messages = self._stamped = self._log_ns = 0
         self._clocks: dict[object, tuple[array[int], array[int]]] = {}
         if sources.kind == JOINTS and not how.urdf:
             how = how._replace(urdf=_description(reader, sources))
@@ -126,6 +126,7 @@ class InputBlocks:
     def _noted(self, message: BagMessage) -> Any:
         """Returns a decoded message of `topics`; counts those of the input and their stamps."""
         decoded = self._reader.decode(message)
+        self._log_ns = message.log_ns
         if message.topic == self.topics[0]:
             links = decoded.transforms if hasattr(decoded, "transforms") else (decoded,)
             self._stamped += any(stamp_ns(one) for one in links)
@@ -146,6 +147,9 @@ class InputBlocks:
         for stamped, logged in self._clocks.values():
             stamps, logs = (np.frombuffer(each, np.int64) for each in (stamped, logged))
             found |= {str(doubt): doubt for doubt in stamp_doubts(stamps, logs, noun)}
+        if isinstance(self._poses, JointPoses | TransformPoses):
+            clocks = self._poses.clock_doubt()
+            found |= {clocks.text: InputDoubt.of(clocks)} if clocks is not None else {}
         told = self._poses.velocities.remark() if isinstance(self._poses, JointPoses) else ""
         return [*found.values(), *([InputDoubt(told, wrong=False)] if told else [])]
 
@@ -162,10 +166,12 @@ class InputBlocks:
         """Returns the poses that become computable with a new joint, transform or pose message."""
         if isinstance(self._poses, JointPoses):
             positions, velocities = message.position.tolist(), message.velocity.tolist()
-            return self._poses.take(stamp_ns(message), message.name, positions, velocities)
+            return self._poses.take(
+                stamp_ns(message), message.name, positions, velocities, self._log_ns
+            )
         assert isinstance(self._poses, TransformPoses)
         if hasattr(message, "transforms"):
-            return self._poses.take(map(_transform, message.transforms))
+            return self._poses.take(map(_transform, message.transforms), at_ns=self._log_ns)
         p, q = message.pose.position, message.pose.orientation
         link = Transform(
             message.header.frame_id, POSED, stamp_ns(message), (p.x, p.y, p.z),

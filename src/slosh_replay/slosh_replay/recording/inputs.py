@@ -69,7 +69,7 @@ def recorded_inputs(starts: Sequence[NodeStart], facts: Mapping[str, str]) -> In
     # Nobody could tell the world's frame: poses are taken as they come, and that is told.
     if TABLE_COLUMNS in facts:
         unbounded = GateSettings(max_jump=math.inf, confirms=False)
-        return InputSettings(gate=unbounded, any_world=True)
+        return InputSettings(gate=unbounded, any_world=True, whole=True)
     return InputSettings(any_world=True)
 
 
@@ -141,7 +141,7 @@ class InputReader:
         """Suspected faults of the input and remarks, one sentence each."""
         found = {**self._raised, **self._raised_now()}
         remark = self._adapter.remark()
-        messages = [*self._messages, *map(InputDoubt.of, self._adapter.message_doubts())]
+        messages = [*self._messages, *self._told_now()]
         return (*found.values(), *messages, *([InputDoubt(remark, wrong=False)] if remark else []))
 
     @property
@@ -165,6 +165,11 @@ class InputReader:
         """Processes the remaining samples at the end of the input."""
         self._adapter.check.finish()
 
+    def _told_now(self) -> list[InputDoubt]:
+        began = self._adapter.began
+        told = () if began is None else (began,)
+        return [InputDoubt.of(doubt) for doubt in (*told, *self._adapter.message_doubts())]
+
     def _raised_now(self) -> dict[int, InputDoubt]:
         return {kind: InputDoubt.of(doubt) for kind, doubt in self._adapter.check.raised.items()}
 
@@ -184,7 +189,7 @@ class InputReader:
         self._adapter.check.faults.finish()
         self._faults += self._adapter.check.faults.texts()
         self._raised |= self._raised_now()
-        self._messages += map(InputDoubt.of, self._adapter.message_doubts())
+        self._messages += self._told_now()
         counters = self.counters
         self._used_before = counters["samples_used"]
         self._dropped_before = counters["samples_dropped"]

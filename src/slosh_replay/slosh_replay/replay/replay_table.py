@@ -44,7 +44,7 @@ class TableReader(InputReader):
 
     def __init__(self, table: MotionTable) -> None:
         gate = GateSettings(max_gap=_LONGEST_STEP, max_jump=math.inf, confirms=False)
-        super().__init__("accel", InputSettings("accel", gate))
+        super().__init__("accel", InputSettings("accel", gate, whole=True))
         self._doubts = motion_doubts(table.t, table.acceleration, table.attitude)
 
     @property
