@@ -124,6 +124,7 @@ class PlanTuning:
     governor_late: float = number(3.0, "period", "time between two steps that is late")
     governor_missed: float = number(0.85, "period", "delay of a step for which one was left out")
     governor_fastest: float = number(20.0, "m/s", "speed above which a command is an error")
+    governor_unlikely: float = number(2.0, "m/s", "speed above which a unit is doubted")
     governor_phase: float = number(0.2, "rad", "phase of the fastest mode between two rows, ωh")
     governor_tail: float = number(0.6, "period", "periods of the first mode after a stop")
     governor_tilted_tail: float = number(1.1, "period", "the same where the container may tilt")
