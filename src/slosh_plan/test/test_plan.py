@@ -217,7 +217,7 @@ def test_a_search_that_is_ended_is_slowed_where_that_is_faster_than_a_known_law(
     check, kept, nominal, yaw = demanded(CUP, path, LIMITS, None, 0.0, None, None)
     search = OptimalSearch(check, path, kept, nominal, yaw, best.scaled, 30.0, Watch(), [hasty])
     found = search.run()
-    assert found.law == "searched law 1, slowed"
+    assert found.law == "result 1 of the search, slowed"
     assert found.motion is not None
     assert found.motion.keeps(LIMITS)
     assert best.found.motion.duration <= found.duration < best.scaled.found.motion.duration
