@@ -1,8 +1,9 @@
-"""Liquids in a moving container by the published equations, without code of the product.
+"""Liquids in moving containers by the published equations, without code of the product.
 
 A round cup by DL22, eqs. (11), (14) and Table 2 (NL model); a rectangle by TM20, eq. (6), along
 both sides. Fixed-step Runge-Kutta of order 4 over pieces of linear acceleration, for several
-liquids and modes at once. It judges what other code computes, so it imports NumPy and SciPy alone.
+liquids, motions and modes at once. It judges what other code computes, so it imports NumPy and
+SciPy alone.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class Vessel(NamedTuple):
 
 
 class Liquids:
-    """Several liquids in equal containers that make the same motion.
+    """Several liquids in equal containers that make the same motion, or one each.
 
     Args:
         vessel: the container.
@@ -93,7 +94,12 @@ class Liquids:
     @property
     def height(self) -> float:
         """Greatest height at the wall over all liquids [m]."""
-        return float(self._heights(self.place).max())
+        return float(self.heights.max())
+
+    @property
+    def heights(self) -> Real:
+        """Height at the wall (N,) of each liquid [m]."""
+        return self._heights(self.place)
 
     def disturb(self, height: float, azimuth: float, phase: float) -> None:
         """Adds a wave of the first mode to every liquid.
@@ -141,16 +147,16 @@ class Liquids:
 
         Args:
             duration: [s].
-            begin, end: (3,) acceleration of the container [m/s²].
+            begin, end: (3,) acceleration of the containers, or (N, 3) of each [m/s²].
 
         Returns:
             greatest height at the wall over all liquids [m].
         """
         count = max(math.ceil(duration / self._step), 1)
         h, highest = duration / count, 0.0
-        at = np.linspace(0.0, 1.0, 2 * count + 1)[:, np.newaxis]
-        felt = begin + at * (end - begin)
-        along, lift = felt[:, 0] + 1j * felt[:, 1], 1.0 + felt[:, 2] / GRAVITY
+        at = np.linspace(0.0, 1.0, 2 * count + 1).reshape(-1, *[1] * np.ndim(begin))
+        felt = (begin + at * (end - begin))[..., np.newaxis, :]
+        along, lift = felt[..., 0] + 1j * felt[..., 1], 1.0 + felt[..., 2] / GRAVITY
         rate = self._round_rate if self._round else self._rectangle_rate
         q: NDArray[np.complex128] = self.place
         v: NDArray[np.complex128] = self.speed
@@ -177,7 +183,11 @@ class Liquids:
         return found
 
     def _round_rate(
-        self, q: NDArray[np.complex128], v: NDArray[np.complex128], along: complex, lift: float
+        self,
+        q: NDArray[np.complex128],
+        v: NDArray[np.complex128],
+        along: NDArray[np.complex128],
+        lift: Real,
     ) -> NDArray[np.complex128]:
         """Returns q̈ of DL22, eq. (14): a mass on a paraboloid with a cubic spring."""
         distance = q.real**2 + q.imag**2
@@ -190,14 +200,18 @@ class Liquids:
         return found
 
     def _rectangle_rate(
-        self, q: NDArray[np.complex128], v: NDArray[np.complex128], along: complex, lift: float
+        self,
+        q: NDArray[np.complex128],
+        v: NDArray[np.complex128],
+        along: NDArray[np.complex128],
+        lift: Real,
     ) -> NDArray[np.complex128]:
         """Returns q̈ of TM20, eq. (6), a pendulum of angle θ = ω² q/g along each side."""
         scale = self._squared / GRAVITY
         place, speed = np.stack([q.real, q.imag], -1), np.stack([v.real, v.imag], -1)
         angle = scale * place
         c = np.cos(angle)
-        pull = -self._drag * c**2 * speed - GRAVITY * lift * np.sin(angle)
-        pull = pull - np.array([along.real, along.imag]) * c
+        pull = -self._drag * c**2 * speed - GRAVITY * lift[..., np.newaxis] * np.sin(angle)
+        pull = pull - np.stack([along.real, along.imag], -1) * c
         found: NDArray[np.complex128] = pull[..., 0] + 1j * pull[..., 1]
         return found

@@ -35,6 +35,9 @@ class GovernedBag(LiveBag):
     Its first step tells a wrong share, by `wrong`; the first `cut` seconds are not recorded.
     """
 
+    apart = EVERY
+    """Inputs to a step."""
+
     def __init__(self, *, wrong: float = 0.0, cut: float = 0.0, ahead: int = 0) -> None:
         super().__init__()
         self._wrong, self._cut, self._ahead, self._count = wrong, cut, ahead, 0
@@ -44,6 +47,10 @@ class GovernedBag(LiveBag):
 
     def _made(self):
         return governor_of(self.model, VALUES, at_rest=True)
+
+    def _lead(self, step):
+        """Returns by how much the stamp of a step's command is ahead [ns]."""
+        return self._ahead
 
     def _files(self):
         return {}
@@ -78,14 +85,14 @@ class GovernedBag(LiveBag):
             )  # fmt: skip
             seen = SeenLiquid(now, modal, state.msh_stddev, state.frequency_factor, 0.02)
             self._governor.see(seen)
-        if self._count % EVERY == 0:
+        if self._count % self.apart == 0:
             self._move(now, log_ns)
 
     def _move(self, now, log_ns):
-        step = self._count // EVERY
+        step = self._count // self.apart
         if step % 2 == 0 and not 100 < step < 130:  # there is a silence
             speed = 0.3 * np.sign(np.sin(step / 20.0))
-            sent = now - 1000 + self._ahead
+            sent = now - 1000 + self._lead(step)
             linear = self._types["geometry_msgs/msg/Vector3"](speed, 0.1, 0.0)
             angular = self._types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
             twist = self._types["geometry_msgs/msg/Twist"](linear, angular)
@@ -116,6 +123,23 @@ class GovernedBag(LiveBag):
             joint_acceleration=rows[1], joint_start=np.array(moved.joint_start, dtype=float),
         )  # fmt: skip
         self._wrong = 0.0
+
+
+class MisdatedBag(GovernedBag):
+    """One of steps that are too early, and of commands that are old or ahead by turns."""
+
+    apart = EVERY - 1
+
+    def _made(self):
+        self.moved = []
+        return super()._made()
+
+    def _lead(self, step):
+        return round(1e9 * {1: -3.0, 3: 6.0, 5: -1e9 / 7.0}.get(step // 40, 0.0))
+
+    def _tell(self, moved, now, log_ns):
+        self.moved.append(moved)
+        super()._tell(moved, now, log_ns)
 
 
 class CarriedBag(GovernedBag):
@@ -192,6 +216,16 @@ def test_its_steps_come_out_again_bit_for_bit(tmp_path, ahead):
     assert found.exact, found.lines()
     assert found.recorded == 500
     assert check_result(result, Expectation(tolerance=0.0)).failures == ()
+
+
+def test_misdated_commands_and_early_steps_come_out_again(tmp_path):
+    bag = MisdatedBag()
+    _, found = replayed(bag, tmp_path)
+    assert found.exact, found.lines()
+    assert {one.reason for one in bag.moved} >= {StopReason.NONE, StopReason.STAMP}
+    pairs = list(zip(bag.moved[:-1], bag.moved[1:], strict=True))
+    assert any(one.commands < two.commands and one.position == two.position and two.velocity[0]
+               for one, two in pairs)  # fmt: skip
 
 
 @pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)")

@@ -182,6 +182,31 @@ def test_it_stops_to_rest_without_a_usable_command(kind):
     assert again[-1].reason is StopReason.NONE
 
 
+@pytest.mark.parametrize(
+    ("age", "reason"),
+    [
+        (0.0, StopReason.NONE), (0.1, StopReason.NONE), (-0.1, StopReason.NONE),
+        (0.12, StopReason.STAMP), (3.0, StopReason.STAMP), (-0.12, StopReason.STAMP),
+        (-6.0, StopReason.STAMP), (None, StopReason.NONE),
+    ],
+)  # fmt: skip
+def test_a_command_that_was_old_when_it_came_or_is_of_the_future_is_a_stop(age, reason):
+    governor = Governor(CUP, LIMITS, at_rest=True)
+    start = 1_000
+    run(governor, [(0.3, 0.0, 0.0)] * 40, start)
+    now = (start + 40) * PERIOD_NS
+    sent = 0 if age is None else now - round(1e9 * age)
+    governor.take(Command(sent, (0.3, 0.0, 0.0)))
+    moved = governor.step(now)
+    assert moved.reason is reason
+    assert moved.age == pytest.approx(math.nan if age is None else age, nan_ok=True)
+    # A command that is in force grows old by the timeout from when it came.
+    assert run(governor, [None] * 5, start + 41)[-1].reason is reason
+    again = run(governor, [(0.3, 0.0, 0.0)] * 100, start + 46)
+    assert again[-1].reason is StopReason.NONE
+    assert again[-1].velocity[0] > 0.1
+
+
 @pytest.mark.parametrize("jump_ns", [50 * PERIOD_NS, -PERIOD_NS, 0])
 def test_a_clock_that_is_late_stands_still_or_goes_back_is_a_stop(jump_ns):
     governor = Governor(CUP, LIMITS, at_rest=True)

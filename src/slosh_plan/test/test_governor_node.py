@@ -23,7 +23,7 @@ from slosh_msgs.msg import ContainerChange, FusedEstimate, GovernedMotion
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
 from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN
-from slosh_msgs_py.stamps import to_nanoseconds
+from slosh_msgs_py.stamps import to_nanoseconds, to_time
 from slosh_plan.governor import Governor, SeenLiquid
 from slosh_plan.governor.parameters import governor_of, velocity_command
 from slosh_plan.nodes.governor_messages import governed_message
@@ -57,10 +57,15 @@ class Cell(Graph):
         self.commands = self.publisher(*kinds[given.get("command", "twist")])
         self.until(lambda: self.moved)
 
-    def command(self, x: float, turn: float = 0.0, frame: str = "") -> None:
+    def command(
+        self, x: float, turn: float = 0.0, frame: str = "world", late: float | None = 0.0
+    ) -> None:
+        """Sends a command, stamped a time before now [s]; None: without a stamp."""
         message = TwistStamped()
         message.header.frame_id = frame
-        message.header.stamp = self.node.get_clock().now().to_msg()
+        if late is not None:
+            now_ns = self.node.get_clock().now().nanoseconds
+            message.header.stamp = to_time(now_ns - round(1e9 * late))
         message.twist.linear.x, message.twist.angular.y = x, turn
         self.commands.publish(message)
 
@@ -72,6 +77,13 @@ class Cell(Graph):
             count = len(self.moved)
             self.until(lambda count=count: len(self.moved) > count)
         return self.moved[-1]
+
+    def goes_on(self) -> bool:
+        """Commands a velocity; returns whether it moves, or says why the liquid forbids that."""
+        last = self.follow(0.1, 20)
+        # On a busy machine steps may be so uneven that the liquid is not known.
+        moves = last.velocity[0] > 0.05 or bool(last.unknown_because)
+        return moves and last.reason == GovernedMotion.NONE
 
     def rest(self, reason: int) -> GovernedMotion:
         """Waits until the governor rests for a given reason."""
@@ -127,10 +139,10 @@ def test_silence_nan_and_a_turn_stop_it_and_the_next_command_moves_it(cell: Cell
     # On a busy machine a step may be so late that the liquid is not known.
     assert level == (WARN if cell.moved[-1].safe else ERROR)
     assert told.startswith("resting: invalid: the command has NaN")
-    assert cell.follow(0.1, 20).velocity[0] > 0.05
+    assert cell.goes_on()
     cell.command(0.1, turn=0.5)
     cell.rest(GovernedMotion.TURN)
-    assert cell.follow(0.1, 20).velocity[0] > 0.05
+    assert cell.goes_on()
     cell.rest(GovernedMotion.SILENT)
     assert "no usable command for longer than" in cell.governor._health()[1]
 
@@ -142,20 +154,27 @@ def test_silence_nan_and_a_turn_stop_it_and_the_next_command_moves_it(cell: Cell
         (GovernedMotion.FAST, {"x": 200.0}, "desired_twist asks for 200 m/s .*not mm/s"),
         (GovernedMotion.FRAME, {"frame": "tool0"}, "in the frame 'tool0', not in 'world': send"),
         (GovernedMotion.INVALID, {"x": math.nan}, "resting: invalid: the command has NaN"),
+        (GovernedMotion.STAMP, {"late": 3.0}, r"is stamped 3[.\d]* s before it came: set the clo"),
+        (
+            GovernedMotion.STAMP,
+            {"late": -6.0},
+            r"is stamped (6|5[.\d]+) s after it came: set the c",
+        ),
     ],
 )
 def test_each_unusable_command_has_its_own_reason_also_after_a_silence(
     cell: Cell, reason: int, wrong: dict[str, Any], told: str
 ) -> None:
     cell.follow(0.1, 10)
-    cell.rest(GovernedMotion.SILENT)
+    # On a busy machine a late step may stop it before the silence does.
+    cell.until(lambda: cell.moved[-1].state == GovernedMotion.RESTING)
     cell.command(**{"x": 0.1, **wrong})
     assert cell.rest(reason).velocity.tolist() == [0.0] * 3
     level, sentence = cell.governor._health()
     # On a busy machine a step may be so late that the liquid is not known.
     assert level == (WARN if cell.moved[-1].safe else ERROR)
     assert re.search(told, sentence), sentence
-    assert cell.follow(0.1, 20).velocity[0] > 0.05
+    assert cell.goes_on()
 
 
 def test_the_frame_of_the_world_is_its_name_or_none(cell: Cell) -> None:
@@ -163,7 +182,33 @@ def test_the_frame_of_the_world_is_its_name_or_none(cell: Cell) -> None:
         count = len(cell.moved)
         cell.command(0.1, frame=frame)
         cell.until(lambda count=count: len(cell.moved) > count + 1)
-        assert cell.moved[-1].reason == GovernedMotion.NONE
+        # On a busy machine a step may be late.
+        assert cell.moved[-1].reason in (GovernedMotion.NONE, GovernedMotion.LATE)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({}, "$"),
+        ({"frame": ""}, "; .*desired_twist: frame_id is empty, taken as 'world': set it$"),
+        ({"late": None}, "; .*desired_twist: stamp is 0, taken as now: stamp it, so that"),
+        ({"x": 15.0}, "; .*desired_twist: 15 m/s is more than robots do: send m/s, not mm/s"),
+    ],
+    ids=["usual", "no frame", "no stamp", "mm/s"],
+)
+def test_a_doubtful_command_is_followed_and_named(
+    cell: Cell, given: dict[str, Any], told: str
+) -> None:
+    def follow() -> bool:
+        cell.command(**{"x": 0.1, **given})
+        return cell.moved[-1].velocity[0] > 0.01 and cell.moved[-1].reason == GovernedMotion.NONE
+
+    cell.until(follow)
+    assert {one.reason for one in cell.moved} <= {GovernedMotion.NONE, GovernedMotion.LATE}
+    level, sentence = cell.governor._health()
+    # On a busy machine a step may be so late that the liquid is not known.
+    assert level == ((WARN if "x" in given else OK) if cell.moved[-1].safe else ERROR)
+    assert re.search(f"(following|limited|no stop keeps .*){told}", sentence), sentence
 
 
 def test_a_command_of_another_type_is_named(cell: Cell) -> None:
@@ -215,7 +260,7 @@ def test_an_emergency_stop_holds_until_it_is_released(cell: Cell) -> None:
     assert 0.0 < way < 1.25 * told + 0.003
     assert cell.follow(0.2, 5).velocity[0] == 0.0
     assert cell.call(Trigger, topics.RELEASE_STOP, Trigger.Request()).success
-    assert cell.follow(0.2, 20).velocity[0] > 0.05
+    assert cell.goes_on()
 
 
 def test_it_takes_trusted_states_of_the_liquid(cell: Cell) -> None:
@@ -353,11 +398,9 @@ def test_the_same_container_told_again_changes_nothing(cell: Cell) -> None:
     heard = cell.governor._container._follows
     cell.until(lambda: cell.governor._container._follows or heard)
     core, steps = cell.governor._core, cell.moved[-1].steps
-    moved = cell.follow(0.1, 20)
+    assert cell.goes_on()
     assert cell.governor._core is core
-    assert moved.steps >= steps + 20
-    assert moved.reason == GovernedMotion.NONE
-    assert moved.velocity[0] > 0.05
+    assert cell.moved[-1].steps >= steps + 20
 
 
 def test_an_impossible_fused_state_is_named_and_the_node_goes_on(cell: Cell) -> None:
@@ -375,10 +418,10 @@ def test_an_impossible_fused_state_is_named_and_the_node_goes_on(cell: Cell) -> 
     fused.publish(message)
     cell.until(lambda: "lengths" in cell.governor._unseen)
     assert cell.governor._report.counts["fused_estimate refused"] == 2
-    moved = cell.follow(0.1, 10)
-    assert moved.velocity[0] > 0.05
-    assert to_nanoseconds(moved.liquid_stamp) == 0
-    assert "is not used" in cell.governor._health()[1]
+    assert cell.goes_on()
+    assert to_nanoseconds(cell.moved[-1].liquid_stamp) == 0
+    # On a busy machine a step may be so late that the liquid is not known.
+    assert "is not used" in cell.governor._health()[1] or not cell.moved[-1].safe
 
 
 def test_the_core_gives_the_same(cell: Cell) -> None:

@@ -9,10 +9,10 @@ from slosh_model import Cylinder, Model
 from slosh_model.motion_profiles import quintic
 from slosh_plan.planning import optimise
 from slosh_plan.planning import plan as planner
-from slosh_plan.planning.checked import checked
+from slosh_plan.planning.checked import Checker, checked
 from slosh_plan.planning.final_check import Kept, broken
 from slosh_plan.planning.given_law import GIVEN, KINEMATIC, GivenLaw, all_laws
-from slosh_plan.planning.known_laws import shortest
+from slosh_plan.planning.known_laws import fastest, known_laws, shortest
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.optimise import PathSearch, PathSolution
 from slosh_plan.planning.path import path_through
@@ -72,6 +72,26 @@ def test_the_kinematic_law_is_the_fastest_without_a_liquid(path):
         broken(laws[KINEMATIC].motion(round(1.05 * motion.duration, 3)), path, LIMITS, None, [])
         == ""
     )
+
+
+@pytest.mark.parametrize(
+    ("seed", "name"),
+    [(18, "quintic"), (20, "quintic"), (30, "S-curve"), (6, "steady, 15 % ramps")],
+)
+def test_a_narrow_range_of_durations_in_which_waves_cancel_is_found(seed, name):
+    """Tests laws of which longer motions are unsafe again, by a scan of all durations."""
+    random = np.random.default_rng(seed)
+    size, fill = random.uniform(0.025, 0.05), random.uniform(0.04, 0.08)
+    height = random.choice([0.005, 0.01, 0.02])
+    limits = PlanLimits(height, height * random.choice([0.03, 0.1, 0.3]))
+    way = path_through(np.array([[0.0, 0.0, 0.0], [random.uniform(0.1, 0.5), 0.0, 0.0]]))
+    check = Checker(Model(Cylinder(size, fill)).spatial().nonlinear())
+    make = known_laws(way)[name].motion
+    found = fastest(check, make, limits).motion.duration
+    scanned = np.arange(np.ceil(500.0 * shortest(make, limits)) / 500.0, found, 2e-3)
+    all_of_them = check([make(one, 1e-3) for one in scanned.round(3).tolist()])
+    least = next((one.motion.duration for one in all_of_them if one.keeps(limits)), found)
+    assert found <= 1.006 * least
 
 
 @needs_casadi

@@ -11,6 +11,7 @@ import numpy as np
 
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.rim_option import rim_words
+from slosh_plan.planning.given_law import in_words
 from slosh_plan.planning.plan import Plan
 from slosh_plan.planning.plan_tray import TrayPlan
 from slosh_plan.planning.robust import LikelyHeights
@@ -88,15 +89,13 @@ def plan_facts(answer: Plan, borne: Tolerance) -> dict[str, object]:
 def law_words(answer: Plan) -> str:
     """Describes by which law the motion runs, and the fastest known law beside it."""
     duration = answer.found.motion.duration
-    other = f"{answer.scaled.found.motion.duration:.3f} s by the {answer.scaled.law} law"
+    other = f"{answer.scaled.found.motion.duration:.3f} s by {in_words(answer.scaled.law)}"
     reason = answer.reason
     if answer.method == "optimal":
-        return f"{duration:.3f} s, optimal time law ({other}, scaled)" + f"; {reason}" * bool(
-            reason
-        )
+        return f"{duration:.3f} s, {answer.law} ({other}, scaled)" + f"; {reason}" * bool(reason)
     if answer.method == answer.scaled.law:
         return f"{other}, scaled: {reason}"
-    return f"{duration:.3f} s by the {answer.method} ({other}, scaled): {reason}"
+    return f"{duration:.3f} s by {answer.law} ({other}, scaled): {reason}"
 
 
 def summary(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
+from fractions import Fraction
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -114,7 +115,7 @@ class _Step(NamedTuple):
 
     def command(self, size: int) -> Command:
         """Returns the step's newest velocity command, with `size` coordinates."""
-        sent = 0 if math.isnan(self.age) else self.stamp_ns - round(self.age * SECOND)
+        sent = 0 if math.isnan(self.age) else self.stamp_ns - round(Fraction(self.age) * SECOND)
         velocity, target = self.velocity[:size], self.target[:size]
         if not any(map(math.isnan, target)):
             given = () if any(map(math.isnan, velocity)) else velocity

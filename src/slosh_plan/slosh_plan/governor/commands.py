@@ -37,13 +37,14 @@ class StopReason(IntEnum):
     TURN = 6
     FAST = 7
     FRAME = 8
+    STAMP = 9
 
 
 class Command(NamedTuple):
     """A commanded motion of the container, or of the joints that carry it.
 
     Attributes:
-        stamp_ns: when it was sent [ns]; 0: unknown.
+        stamp_ns: when it was sent [ns]; 0: unknown, taken as now.
         velocity: of each coordinate: x, y, z of the container's origin in the world's axes [m/s],
             or joints [rad/s or m/s]; empty: 0. With a target, that of the target.
         target: a place to go to [m], or joint positions [rad or m]; None: the velocity is
@@ -127,7 +128,8 @@ class Governed(NamedTuple):
         margin: by how much that exceeds the nominal model's [m].
         limit: of this container's height [m].
         rest: time until the container rests, if it stops now [s].
-        age: of the command in force [s]; NaN: its stamp or there is none.
+        age: of the command in force, or of one that its stamp made refused [s]; NaN: there is
+            none, or it has no stamp.
         steps, commands: how many so far; no steps before the first command.
         liquid_ns: stamp of the last observed state of the liquid that was taken [ns]; 0: none.
         worst: name of the container that is nearest to its limits; empty: it is the only one.

@@ -199,8 +199,9 @@ class Governor:
         """
         self._steps += 1
         rests, requests = self.rests, self._requests
+        since = self._clock.since(now_ns)
         early = self._clock.arrive(now_ns) and not rests
-        requests.look(now_ns, late=self._clock.is_late, rests=rests)
+        requests.look(now_ns, since, late=self._clock.is_late, rests=rests)
         if early and self._last is not None:
             return self._repeated(self._last, now_ns)
         lapse = self._clock.make(now_ns)
@@ -226,7 +227,8 @@ class Governor:
             self._doubts.doubt_time(doubtful, Cause.LATE)
         return last._replace(
             stamp_ns=now_ns, reason=self._requests.reason, steps=self._steps,
-            commands=self.commands, joint_start=(),
+            commands=self.commands, joint_start=(), age=self._results.age(now_ns),
+            wanted=self._results.wanted,
         )  # fmt: skip
 
     def stopped(self) -> list[Governed]:

@@ -14,6 +14,9 @@ from slosh_plan.governor.robot_arm import GovernedArm
 from slosh_plan.trajectory import FARTHEST
 from slosh_plan.tuning import TUNING
 
+_OVERDUE = (StopReason.SILENT, StopReason.LATE)
+"""Reasons that do not replace another one."""
+
 
 class Requests:
     """Holds the command in force, and the reason to stop.
@@ -29,6 +32,8 @@ class Requests:
         count: of all that were given.
         reason: to stop.
         lost: whether the joints' positions are unknown.
+        sent_ns: stamp of the command in force, or of one that its stamp made refused [ns]; 0:
+            none.
         origin: (3,) by which targets differ from the governor's own places; None: not known yet.
     """
 
@@ -39,7 +44,7 @@ class Requests:
         self.latest, self.count = Command(0), 0
         self.reason, self.lost = StopReason.NONE, False
         self.origin: Array | None = None
-        self._came, self._taken_ns = False, 0
+        self._came, self._taken_ns, self.sent_ns = False, 0, 0
 
     @property
     def follows(self) -> bool:
@@ -59,36 +64,52 @@ class Requests:
             self.command = None
         return self.reason is not StopReason.REQUESTED
 
-    def look(self, now_ns: int, *, late: bool, rests: bool) -> None:
+    def look(self, now_ns: int, since: float, *, late: bool, rests: bool) -> None:
         """Sets the reason to stop (bad or old command, late step, lost joints), or clears it.
 
         Args:
             now_ns: time of the step [ns].
+            since: time since the step before [s].
             late: whether it is late.
             rests: whether the container is at rest.
         """
-        if self._came:
-            self._came, self._taken_ns = False, now_ns
+        came, self._came, self.sent_ns = self._came, False, 0
+        if came:
+            self._taken_ns = now_ns
         known = self.reason is not StopReason.JOINTS or rests
         if self.reason is not StopReason.REQUESTED and (self.lost or not known):
             self.command, self.reason = None, StopReason.JOINTS
             return
         reason = StopReason.NONE
         if self.command is not None:
+            self.sent_ns = self.command.stamp_ns
             reason = self._refusal(self.command)
-            if reason is not StopReason.NONE:
-                told = self.reason is StopReason.REQUESTED
-                self.reason = self.reason if told else reason
-            elif now_ns - self._taken_ns > self._timeout * SECOND:
-                reason = StopReason.SILENT
-            elif late:
-                reason = StopReason.LATE
+            if reason is StopReason.NONE:
+                reason = self._overdue(now_ns, since if came else math.nan, late=late)
         if reason is not StopReason.NONE:
             self.command = None
-            if self.reason is StopReason.NONE:
+            self.sent_ns = self.sent_ns if reason is StopReason.STAMP else 0
+            refused = reason not in _OVERDUE and self.reason is not StopReason.REQUESTED
+            if refused or self.reason is StopReason.NONE:
                 self.reason = reason
         elif rests and self.command is not None and self.reason != StopReason.REQUESTED:
             self.reason = StopReason.NONE
+
+    def _overdue(self, now_ns: int, since: float, *, late: bool) -> StopReason:
+        """Returns why the command in force is not of the present: NONE if it is.
+
+        Args:
+            now_ns: time of the step [ns].
+            since: time in which it has come [s]; NaN: it was there before.
+            late: whether the step is late: then stamps say nothing.
+        """
+        age = (now_ns - self.sent_ns) / SECOND if self.sent_ns else 0.0
+        early = max(self._timeout, TUNING.governor_timeout)
+        if not late and (age < -early or age > self._timeout + since) and since == since:
+            return StopReason.STAMP
+        if now_ns - self._taken_ns > self._timeout * SECOND:
+            return StopReason.SILENT
+        return StopReason.LATE if late else StopReason.NONE
 
     def _refusal(self, command: Command) -> StopReason:
         """Returns why a command is refused: NONE if it is finite, plausible and complete."""

@@ -67,23 +67,31 @@ class Results:
         if self._loose:
             friction, tipping = self._uses[self._loose, layout.SLIP :].max(axis=0).tolist()
         velocity, acceleration, position = map(tuple, one.moved.tolist())
-        none = (math.nan,) * one.motion.shape[1]
-        latest = requests.latest
-        sent = 0 if requests.command is None else requests.command.stamp_ns
         start, self._joint_start = self._joint_start, ()
         return Governed(
             now_ns, velocity, acceleration, position, share, self._state(share), requests.reason,
             safe, peak, peak - nominal,
             one.cups[worst].limits.height, float(one.answer[layout.REST]),
-            (now_ns - sent) / SECOND if sent > 0 else math.nan,
+            self.age(now_ns),
             steps, requests.count, self._doubts.liquid_ns,
             one.cups[worst].name, friction, tipping,
             tuple(map(tuple, one.joints.tolist())) if one.joints.size else (),
-            (latest.velocity or none, latest.target or none),
+            self.wanted,
             one.carrier.refused_by(share) if requests.follows else "",
             start, float(unknown[worst]), str(self._doubts.wave.cause),
             self._doubts.since_ns or 0,
         )  # fmt: skip
+
+    def age(self, now_ns: int) -> float:
+        """Returns the age of a command at a step; see `Governed.age`."""
+        sent_ns = self._requests.sent_ns
+        return (now_ns - sent_ns) / SECOND if sent_ns > 0 else math.nan
+
+    @property
+    def wanted(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Velocities and targets (D,) of the last command; NaN: not given."""
+        none, latest = (math.nan,) * self._mechanics.motion.shape[1], self._requests.latest
+        return latest.velocity or none, latest.target or none
 
     def _state(self, share: float) -> GovernorState:
         if self._requests.follows:

@@ -65,6 +65,10 @@ class StepClock:
         """Whether a step was made."""
         return self._made_ns >= 0
 
+    def since(self, now_ns: int) -> float:
+        """Returns the time since the last step [s]; before the first one a period."""
+        return (now_ns - self.last_ns) / SECOND if self.last_ns > NEVER else self._period
+
     def arrive(self, now_ns: int) -> bool:
         """Takes the time of a step [ns]; returns whether the steps are early by a period.
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
-from geometry_msgs.msg import Transform, Twist, TwistStamped
+from geometry_msgs.msg import PoseStamped, Transform, Twist, TwistStamped
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from slosh_base.files.nanoseconds import SECOND
@@ -18,6 +18,8 @@ from slosh_plan.governor.parameters import NOWHERE, velocity_command
 from slosh_plan.tuning import TUNING
 
 AXES = "xyz"
+_FRAMED = (TwistStamped, PoseStamped)
+"""Commands that are in a frame; those of joints are in none."""
 _WHY = {
     StopReason.SILENT: "no usable command for longer than the parameter timeout",
     StopReason.INVALID: "the command has NaN, a wrong number of values or an impossible target",
@@ -27,24 +29,90 @@ _WHY = {
 """What reasons to stop mean, in words; others are told with what the message says."""
 
 
-def why(moved: Governed, topic: str, frames: tuple[str, str]) -> str:
+class Heading(NamedTuple):
+    """What the header of the last command says, as needed to explain a governor.
+
+    Attributes:
+        topic: of the commands.
+        world: name of the world's frame.
+        frame: of the command; None: its type has none, or its joints need none.
+        age: when it came [s]; NaN: it has no stamp.
+        stamped: whether it has a stamp, or its type has none.
+    """
+
+    topic: str
+    world: str
+    frame: str | None = None
+    age: float = math.nan
+    stamped: bool = True
+
+    def of(self, message: Any, now_ns: int) -> Heading:
+        """Returns that of a command, whatever its type, that came at a moment [ns]."""
+        if not hasattr(message, "header"):
+            return self
+        sent_ns = to_nanoseconds(message.header.stamp)
+        frame = message.header.frame_id if isinstance(message, _FRAMED) else None
+        age = (now_ns - sent_ns) / SECOND if sent_ns else math.nan
+        return self._replace(frame=frame, age=age, stamped=sent_ns != 0)
+
+    def doubts_unit(self, moved: Governed | None) -> bool:
+        """Whether a step's command asks for a speed that is unlikely in m/s."""
+        fast = moved is not None and math.hypot(*moved.wanted[0]) > TUNING.governor_unlikely
+        return fast and self.frame is not None
+
+    def remark(self, moved: Governed | None) -> str:
+        """Says what a command leaves open, how it is taken, and what helps; empty: nothing.
+
+        Args:
+            moved: the last step; None: there is none.
+        """
+        found = []
+        if moved is not None and self.doubts_unit(moved):
+            speed = math.hypot(*moved.wanted[0])
+            found.append(f"{speed:g} m/s is more than robots do: send m/s, not mm/s")
+        if self.frame == "":
+            found.append(f"frame_id is empty, taken as {self.world!r}: set it")
+        if not self.stamped:
+            found.append("stamp is 0, taken as now: stamp it, so that old commands are refused")
+        return f"{self.topic}: {'; '.join(found)}" if found else ""
+
+
+def why(moved: Governed, heading: Heading) -> str:
     """Says in words why a governor stops, and what helps; empty where the reason says all.
 
     Args:
         moved: its last step.
-        topic: of the commands.
-        frames: of the last command, and of the world.
+        heading: of the last command.
     """
+    topic, world = heading.topic, heading.world
     if moved.reason is StopReason.FAST:
         speed, most = math.hypot(*moved.wanted[0]), TUNING.governor_fastest
         return f"{topic} asks for {speed:g} m/s or rad/s, above {most:g}: send m/s, not mm/s"
     if moved.reason is StopReason.FRAME:
-        given, world = frames
         return (
-            f"{topic} is in the frame {given!r:.60}, not in {world!r}: send it in {world!r}, or "
-            "set the parameter world_frame"
+            f"{topic} is in the frame {heading.frame!r:.60}, not in {world!r}: send it in "
+            f"{world!r}, or set the parameter world_frame"
+        )
+    if moved.reason is StopReason.STAMP:
+        apart = f"{abs(heading.age):.3g} s {'after' if heading.age < 0.0 else 'before'} it came"
+        return (
+            f"{topic} is stamped {apart}: set the clocks of both computers alike (NTP; "
+            "use_sim_time), or send stamp 0, which is taken as now"
         )
     return _WHY.get(moved.reason, "")
+
+
+def not_safe(moved: Governed) -> str:
+    """Says by how much a step's held stop exceeds the limits, and why."""
+    found = (
+        f"no stop keeps the limits: the best found reaches {1e3 * moved.peak:.3g} of "
+        f"{1e3 * moved.limit:.3g} mm"
+    )
+    if moved.worst:
+        found += f" {moved.worst}"
+    if moved.unknown_cause:
+        found += f", {1e3 * moved.unknown:.3g} mm of it since {moved.unknown_cause}"
+    return found
 
 
 def in_frame(message: Any, world: str) -> bool:

@@ -40,8 +40,10 @@ from slosh_plan.governor import (
 )
 from slosh_plan.governor.parameters import arm_of, governor_of
 from slosh_plan.nodes.governor_messages import (
+    Heading,
     governed_message,
     motion_command,
+    not_safe,
     safe_twist,
     stop_message,
     why,
@@ -89,7 +91,7 @@ class GovernorNode(PreparedNode):
         )
         self._core: Governor | None = None
         self._moved: Governed | None = None
-        self._waits, self._refused, self._frame = False, "", ""
+        self._waits, self._refused = False, ""
         self._at_rest = bool(values["starts_at_rest"])
         self._held: tuple[object, ...] = ()
         self._unseen = ""
@@ -129,6 +131,7 @@ class GovernorNode(PreparedNode):
         wanted = topics.COMMANDING[values["command"]]
         self.create_subscription(kind, wanted.name, self._on_command, qos.STREAM_IN)
         self._silence = SilentTopic(self, wanted.name, wanted.type)
+        self._heading = Heading(self._silence.full_name, values["world_frame"])
         self.create_subscription(
             FusedEstimate, topics.FUSED_ESTIMATE, self._on_fused, qos.STREAM_IN
         )
@@ -160,12 +163,12 @@ class GovernorNode(PreparedNode):
         if self._core is None or self._joints.missing:
             return
         self._silence.heard()
+        self._heading = self._heading.of(message, self._now())
         if self._of_joints is not None:
             command: Command = self._of_joints.command(
                 message, self._names, self._values["values"]
             )
         else:
-            self._frame = message.header.frame_id
             command = motion_command(message, self._values["world_frame"])
         self._core.take(command)
 
@@ -298,18 +301,10 @@ class GovernorNode(PreparedNode):
         if moved is None or (not moved.steps and moved.safe):
             waits = self._lost or self._silence.misfit()
             return (WARN, waits) if waits else (OK, "no command yet")
-        if not moved.safe:
-            whose = f" {moved.worst}" if moved.worst else ""
-            found = (
-                f"no stop keeps the limits: the best found reaches {1e3 * moved.peak:.3g} of "
-                f"{1e3 * moved.limit:.3g} mm{whose}"
-            )
-            if moved.unknown_cause:
-                found += f", {1e3 * moved.unknown:.3g} mm of it since {moved.unknown_cause}"
-            doing = moved.state.name.lower()
-            beside = self._stop_told(moved, doing) if moved.reason else self._silence.misfit()
-            return ERROR, f"{found}; {beside}" if beside else found
         doing = moved.state.name.lower()
+        if not moved.safe:
+            beside = self._stop_told(moved, doing) if moved.reason else self._silence.misfit()
+            return ERROR, "; ".join(filter(None, [not_safe(moved), beside or self._remark]))
         if self._lost:
             return WARN, f"{doing}: {self._lost}"
         if self._unseen:
@@ -318,12 +313,17 @@ class GovernorNode(PreparedNode):
             doing += f", {moved.refused_by}"
         if moved.state is GovernorState.STOPPING or moved.reason:
             return WARN, self._stop_told(moved, doing)
-        return OK, doing
+        level = WARN if self._heading.doubts_unit(moved) else OK
+        return level, "; ".join(filter(None, [doing, self._remark]))
+
+    @property
+    def _remark(self) -> str:
+        """What is doubtful about the last command, which is followed all the same."""
+        return self._heading.remark(self._moved)
 
     def _stop_told(self, moved: Governed, doing: str) -> str:
         """Says why it stops, and what helps."""
-        frames = self._frame, self._values["world_frame"]
-        text = why(moved, self._silence.full_name, frames)
+        text = why(moved, self._heading)
         if moved.reason is StopReason.SILENT:
             text = self._silence.misfit() or text
         return f"{doing}: {moved.reason.name.lower()}" + (text and f": {text}")

@@ -213,7 +213,7 @@ class PlannerNode(PreparedNode):
             states = self._estimate.state_for(tray)
             check_plan_from(tray, answer, limits, asked.attitude, states)
         duration = f"{motion.duration:.3f} s"
-        words = "optimal time law" if not answer.reason else f"{answer.method}: {answer.reason}"
+        words = answer.law + (answer.reason and f": {answer.reason}")
         message = plan_messages.plan_message(answer, request, asked)
         message.container = container
         of = f", for container {container}" if container else ""

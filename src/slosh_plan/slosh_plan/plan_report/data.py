@@ -109,6 +109,7 @@ def plan_document(report: PlanReport) -> Document:
             "schema": SCHEMA,
             "model": report.model,
             "method": plan.method,
+            "law": plan.law,
             "reason": plan.reason or None,
             "limits": plan.limits,
             "margin": plan.margin,

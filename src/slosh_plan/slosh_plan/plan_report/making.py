@@ -11,6 +11,7 @@ from slosh_plan.errors import SloshPlanError
 from slosh_plan.heights import highest_of_each, msh_of
 from slosh_plan.plan_report.data import PlanReport, ShownMotion
 from slosh_plan.planning.checked import CheckedMotion, attitudes, checked
+from slosh_plan.planning.given_law import in_words
 from slosh_plan.planning.plan import Plan
 from slosh_plan.planning.time_law import STEP, PlannedMotion
 from slosh_plan.planning.waypoints import Waypoints
@@ -42,7 +43,7 @@ def make_report(model: Model, plan: Plan, waypoints: Waypoints, subtitle: str = 
         plan=plan,
         model=model.name,
         planned=ShownMotion(PLANNED, plan.found),
-        scaled=ShownMotion(f"{plan.scaled.law} law, scaled", plan.scaled.found),
+        scaled=ShownMotion(f"{in_words(plan.scaled.law)}, scaled", plan.scaled.found),
         proposal=proposal,
         waypoints=waypoints.position,
         band=height_band(model, plan.found, waypoints.attitude),

@@ -16,9 +16,10 @@ from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import never
 from slosh_plan.planning.searched_law import kinematic_law
 from slosh_plan.planning.time_law import STEP, Law, PlannedMotion, motion_along
+from slosh_plan.planning.unit_laws import UNIT_LAWS
 
-GIVEN, KINEMATIC = "given", "kinematic"
-"""Names of laws: the waypoints' own times, and the fastest motion without a liquid."""
+GIVEN, KINEMATIC = "the waypoints' own times", "the fastest motion without a liquid"
+"""Names of laws."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +57,16 @@ def _slowed(spline: BSpline, pace: float) -> Law:
         return s, pace * v, pace**2 * a
 
     return law
+
+
+def in_words(law: str) -> str:
+    """Returns a law by its name, as a sentence names it.
+
+    >>> in_words("quintic, slower in curves"), in_words(GIVEN)
+    ('the quintic law, slower in curves', "the waypoints' own times")
+    """
+    unit = next((name for name in UNIT_LAWS if law.startswith(name)), "")
+    return f"the {unit} law{law.removeprefix(unit)}" if unit else law
 
 
 def all_laws(

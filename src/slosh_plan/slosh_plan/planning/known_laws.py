@@ -196,7 +196,9 @@ def fastest(
 ) -> CheckedMotion | None:
     """Returns the motion with the shortest duration that keeps the limits; None if none does.
 
-    All durations are simulated with few rows, and those that may keep the limits with all.
+    All durations are simulated with few rows, and those that may keep the limits with all. Where
+    the waves of a motion's parts cancel, only a narrow range of durations may be safe: what lies
+    about each lowest excess is looked at more closely.
 
     Args:
         check: tells what a motion does.
@@ -205,20 +207,46 @@ def fastest(
         longest: duration that is not reached [s].
         stopped: whether to end without an answer.
     """
-    least, before = shortest(make, limits), 0.0
+    least, before = shortest(make, limits), list[tuple[float, float]]()
     durations = _durations(least, longest)
     while some := list(islice(durations, _TOGETHER)):
-        found = _first_kept(check, make, limits, some, stopped)
-        if found is not None:
-            # What lies between it and the one before.
-            duration = found.motion.duration
-            before = max((one for one in some if one < duration), default=before)
-            between = _between(before or least, duration)
-            return _first_kept(check, make, limits, between, stopped) or found
-        if stopped():
-            return None
-        before = some[-1]
+        glanced = [*before, *zip(some, _glanced(check, make, limits, some), strict=True)]
+        for near in _ranges(glanced, old=len(before), last=len(some) < _TOGETHER):
+            found = _first_kept(check, make, limits, near, stopped)
+            if found is not None:
+                return found
+            if stopped():
+                return None
+        before = glanced[-2:]
     return None
+
+
+def _ranges(
+    glanced: Sequence[tuple[float, float]], *, old: int, last: bool
+) -> Iterator[list[float]]:
+    """Yields rising ranges of durations [s] in which a motion may keep its limits.
+
+    Args:
+        glanced: durations and what exceeds the limits most.
+        old: how many of them were there before; of the last one no longer one was known.
+        last: whether there are no longer ones.
+    """
+    over = [math.inf, *(excess for _, excess in glanced), math.inf if last else -math.inf]
+    for n, (duration, excess) in enumerate(glanced):
+        begin, end = (glanced[min(max(n + m, 0), len(glanced) - 1)][0] for m in (-1, 1))
+        lowest = excess < TUNING.valley and excess <= min(over[n], over[n + 2])
+        if excess <= TUNING.nearly and n >= old:
+            yield [*_between(begin, duration), duration]
+        elif excess > TUNING.nearly and lowest and n >= old - 1:
+            yield _between(begin, end)
+
+
+def _glanced(
+    check: Check, make: Make, limits: PlanLimits, durations: Sequence[float]
+) -> list[float]:
+    """Returns lower bounds of what exceeds the limits most, for each duration [s]."""
+    coarse = [make(one, one / math.ceil(one / TUNING.coarse)) for one in durations]
+    return [max(found.excess(limits).values()) for found in check.glance(coarse)]
 
 
 def _first_kept(
@@ -229,9 +257,9 @@ def _first_kept(
     stopped: Callable[[], bool],
 ) -> CheckedMotion | None:
     """Returns the first motion that keeps the limits; None if none does, or it was stopped."""
-    coarse = [make(one, one / math.ceil(one / TUNING.coarse)) for one in durations]
-    for duration, glance in zip(durations, check.glance(coarse), strict=True):
-        if not glance.keeps(limits, TUNING.nearly):
+    over = _glanced(check, make, limits, durations)
+    for duration, excess in zip(durations, over, strict=True):
+        if excess > TUNING.nearly:
             continue
         if stopped():
             return None

@@ -29,7 +29,7 @@ from slosh_plan.planning.checked import (
     horizon,
 )
 from slosh_plan.planning.final_check import Kept, broken
-from slosh_plan.planning.given_law import all_laws
+from slosh_plan.planning.given_law import all_laws, in_words
 from slosh_plan.planning.known_laws import (
     LONGEST,
     Check,
@@ -101,10 +101,15 @@ class Plan(Shown):
     legs: Legs = ()
     laws: Mapping[str, TimeLaw] = field(default_factory=dict)
 
+    @property
+    def law(self) -> str:
+        """The law that the motion follows, in words."""
+        return "optimal time law" if self.method == "optimal" else in_words(self.method)
+
     def __repr__(self) -> str:
         found = self.found
         return (
-            f"Plan({found.motion.duration:.3f} s, {self.method} law, "
+            f"Plan({found.motion.duration:.3f} s, {self.law}, "
             f"height {1e3 * found.peak:.2f} of {1e3 * self.limits.height:g} mm, "
             f"afterwards {1e3 * found.residual:.2f} of {1e3 * self.limits.residual:g} mm)"
         )

@@ -211,10 +211,14 @@ def _faster(judge: _Judge, tried: list[TrayPlan], best: TrayPlan | None) -> Tray
         return best
     first = tried[0]
     path, one = first.plan.path, first.one
-    laws = {**_standard(first.plan)}
-    for n, each in enumerate(tried, start=1):
-        searched = each.plan.laws.items() - _standard(each.plan).items()
-        laws |= {f"{name} for {each.one.name}, plan {n}": law for name, law in searched}
+    laws, names = {**_standard(first.plan)}, [each.one.name for each in tried]
+    for name in dict.fromkeys(names):
+        plans = [each.plan for each in tried if each.one.name == name]
+        searched = [law for one in plans for key, law in one.laws.items() if _is_searched(key)]
+        laws |= {
+            f"{SEARCHED} {n} of the search for {name}, slowed": law
+            for n, law in enumerate(searched, start=1)
+        }
     check = judge.checkers(one, path)
     longest = LONGEST if best is None else best.plan.found.motion.duration
     _, kept = check.each[0]
@@ -241,7 +245,11 @@ def _faster(judge: _Judge, tried: list[TrayPlan], best: TrayPlan | None) -> Tray
 
 def _standard(answer: Plan) -> dict[str, TimeLaw]:
     """Returns the laws that a plan tried and that do not stem from its search."""
-    return {name: law for name, law in answer.laws.items() if not name.startswith(SEARCHED)}
+    return {name: law for name, law in answer.laws.items() if not _is_searched(name)}
+
+
+def _is_searched(law: str) -> bool:
+    return law.startswith(f"{SEARCHED} ")
 
 
 def plan_container(

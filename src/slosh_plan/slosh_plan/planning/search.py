@@ -101,7 +101,8 @@ class OptimalSearch:
     def laws(self) -> dict[str, SearchedLaw]:
         """All that was found and runs from rest to rest, by names."""
         laws = (SearchedLaw(self.path, self.yaw, legs) for legs in self.tried)
-        return {f"{SEARCHED} {n}": law for n, law in enumerate(laws, start=1) if law.whole}
+        whole = [law for law in laws if law.whole]
+        return {f"{SEARCHED} {n} of the search": law for n, law in enumerate(whole, start=1)}
 
     def _slowed(self, best: Found) -> Found:
         """Returns the fastest of the searched laws that keeps the limits when slowed evenly."""

@@ -20,8 +20,8 @@ from slosh_plan.planning.time_law import STEP, JerkLaw, PlannedMotion, Tilt, mot
 from slosh_plan.tuning import TUNING
 
 Legs = tuple[LegGuess, ...]
-SEARCHED = "searched law"
-"""How the names of searched laws begin."""
+SEARCHED = "result"
+"""How the names of searched laws begin, as in 'result 2 of the search for cup 1, slowed'."""
 Waves = Callable[[Array], Array]
 """State of liquids, one column per number, at times [s]."""
 
