@@ -22,6 +22,7 @@ from slosh_msgs.msg import FreeSurface, Journal, SloshEstimate
 from slosh_msgs_py import topics
 from slosh_msgs_py.conversions import filled
 from slosh_msgs_py.stamps import to_time
+from slosh_replay.journaled.outputs import UNTAKEN
 from slosh_replay.journaled.replay import replay_journals
 from slosh_testing.graph import Graph
 from slosh_testing.journaled import assert_same_by_journal
@@ -106,13 +107,10 @@ def copied(bag: Path, target: Path, change: Callable[[int, BagMessage], bytes | 
 def test_each_process_gives_the_same_again(bag: Path) -> None:
     assert_same_by_journal(bag, ("estimator", "monitor"))
     found = replay_journals(bag)
-    assert [one.node for one in found].count("estimator") == 2
-    for one in found:
-        if one.node == "estimator":
-            assert one.matches[topics.ESTIMATE].identical == COUNT
-            assert one.matches[topics.FUSED_ESTIMATE].exact
-    monitor = next(one for one in found if one.node == "monitor")
-    assert monitor.matches[topics.COMPARISON].exact
+    assert [one.node for one in found.processes].count("estimator") == 2
+    assert found.verified[topics.ESTIMATE].identical == 2 * COUNT
+    for name in (topics.ESTIMATE, topics.FUSED_ESTIMATE, topics.CALM, topics.COMPARISON):
+        assert found.verified[name].exact, found.verified[name].lines()
 
 
 def test_a_message_that_was_not_recorded_ends_the_comparison_and_is_named(
@@ -122,22 +120,26 @@ def test_a_message_that_was_not_recorded_ends_the_comparison_and_is_named(
     kept = copied(
         bag, tmp_path / "bag", lambda k, m: None if m.topic == lost and k == 100 else m.data
     )
-    first = next(one for one in replay_journals(kept) if one.node == "estimator")
+    found = replay_journals(kept)
+    first = next(one for one in found.processes if one.node == "estimator")
     assert first.lacking == f"a message on {lost}"
-    match = first.matches[topics.ESTIMATE]
-    assert match.identical >= 99
-    assert match.different == match.missing == 0
-    assert match.identical + match.unchecked == COUNT
+    compared = found.verified[topics.ESTIMATE]
+    assert compared.identical >= COUNT + 99
+    assert compared.identical == compared.recorded
+    assert not compared.missing
+    assert compared.unchecked == {UNTAKEN: 2 * COUNT - compared.identical}
 
 
 def test_a_part_of_the_journal_that_was_not_recorded_is_named(bag: Path, tmp_path: Path) -> None:
     journals = f"{CELL}/{topics.JOURNAL}"
     mine = [m for m in BagReader(bag).messages({journals}) if _journal(m).node == "monitor"]
     lost = mine[0].data
-    kept = copied(bag, tmp_path / "bag", lambda k, m: None if m.data == lost else m.data)
-    monitor = next(one for one in replay_journals(kept) if one.node == "monitor")
+    found = replay_journals(
+        copied(bag, tmp_path / "bag", lambda k, m: None if m.data == lost else m.data)
+    )
+    monitor = next(one for one in found.processes if one.node == "monitor")
     assert monitor.lacking == "the beginning of its journal"
-    assert all(match.different == 0 for match in monitor.matches.values())
+    assert topics.COMPARISON not in found.verified
 
 
 def test_another_order_gives_other_estimates(bag: Path, tmp_path: Path) -> None:
@@ -155,9 +157,9 @@ def test_another_order_gives_other_estimates(bag: Path, tmp_path: Path) -> None:
             check[a], check[b] = check[b], check[a]
         return bytes(serialize_message(journal))
 
-    found = replay_journals(copied(bag, tmp_path / "bag", swapped))
-    matches = [one.matches[topics.ESTIMATE] for one in found if one.node == "estimator"]
-    assert any(match.different + match.missing for match in matches)
+    found = replay_journals(copied(bag, tmp_path / "bag", swapped)).verified[topics.ESTIMATE]
+    assert found.identical < found.recorded + found.missing
+    assert found.first is not None
 
 
 def _journal(message: BagMessage) -> Journal:

@@ -164,6 +164,8 @@ def _replayed(task: Task) -> Replayed:
                 estimator=task.estimator, further=[governor_row()],
             )  # fmt: skip
     result = replace(result, name=task.name)
+    if task.expected is not None:
+        result = _by_journal(result, run, task)
     checked = _checked(result, task)
     if task.output is not None:
         # What draws takes longer to load than many a bag to replay.
@@ -203,24 +205,23 @@ def _checked(result: ReplayResult, task: Task) -> CheckedReplay | None:
     if task.expected is None:
         return None
     checked = check_result(result, task.expected)
-    checked = replace(checked, points=(*checked.points, *_by_journal(task)))
     if task.unstated:
         points = (Point("manifest", "the manifest does not list this bag"), *checked.points)
         checked = replace(checked, points=points)
     return checked
 
 
-def _by_journal(task: Task) -> list[Point]:
-    """Checks that the nodes' own code gives the same by their journals, where there are some.
+def _by_journal(result: ReplayResult, run: RecordedRun, task: Task) -> ReplayResult:
+    """Returns the result with what the nodes' own code gives by their journals.
 
     That needs ROS 2; without it the recorded inputs alone are replayed.
     """
     if task.model is not None or task.given is not None or find_spec("rclpy") is None:
-        return []
+        return result
     from slosh_replay.journaled.replay import replay_journals
 
-    found = replay_journals(task.bag, task.cell)
-    return [Point(f"{one.node} by its journal", one.failure) for one in found]
+    found = replay_journals(run.reader, task.cell)
+    return replace(result, verified={**result.verified, **found.verified})
 
 
 def _in_short(found: Verification | None) -> str:

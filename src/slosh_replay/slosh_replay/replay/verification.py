@@ -131,6 +131,78 @@ class Verification:
         return (*lines, *(f"{self.topic}: {cause}" for cause in self.causes))
 
 
+class Tally:
+    """Counts how recorded and replayed messages of one topic compare.
+
+    Args:
+        topic: of the recorded messages.
+        tolerance: of the node; see Verification.
+    """
+
+    def __init__(self, topic: str, tolerance: float | None = 0.0) -> None:
+        self.topic = topic
+        self._tolerance = tolerance
+        self._counts = {"recorded": 0, "identical": 0, "missing": 0, "extra": 0}
+        self._first: Difference | None = None
+        self._largest: dict[str, float] = {}
+        self._differing: dict[str, int] = {}
+        self._unchecked: dict[str, int] = {}
+
+    def count(self, **more: int) -> None:
+        """Adds to the counts of `Verification` by their names."""
+        for name, number in more.items():
+            self._counts[name] += number
+
+    def leave_out(self, count: int, why: str) -> None:
+        """Counts recorded messages that are not compared."""
+        if count:
+            self._unchecked[why] = self._unchecked.get(why, 0) + count
+
+    def pairs(self, recorded: Messages, replayed: Messages) -> None:
+        """Compares N recorded messages with the N replayed ones, field by field."""
+        self._counts["recorded"] += len(recorded.stamps)
+        same = np.ones(len(recorded.stamps), dtype=bool)
+        first: tuple[int, str, float, float] | None = None
+        for name, column in replayed.columns.items():
+            known = _column(self.topic, recorded.columns, name)
+            differing = ~same_bits(known, column)
+            if _HIGHER_MODE.search(name):
+                # A model with fewer modes was recorded: there is nothing to compare with.
+                differing &= ~np.isnan(known)
+            differs = np.flatnonzero(differing)
+            if not len(differs):
+                continue
+            same[differs] = False
+            self._note_largest(name, known[differs], column[differs])
+            row = int(differs[0])
+            if first is None or row < first[0]:
+                first = (row, name, _number(known[row]), _number(column[row]))
+        self._counts["identical"] += int(np.count_nonzero(same))
+        if self._first is None and first is not None:
+            self._first = Difference(int(recorded.stamps[first[0]]), *first[1:])
+
+    def _note_largest(self, name: str, known: NDArray[Any], column: NDArray[Any]) -> None:
+        self._differing[name] = self._differing.get(name, 0) + len(known)
+        largest = math.inf
+        if np.issubdtype(known.dtype, np.number) and np.issubdtype(column.dtype, np.number):
+            with np.errstate(invalid="ignore"):
+                gap = np.abs(column.astype(float) - known.astype(float))
+            largest = float(np.max(np.where(np.isnan(gap), math.inf, gap)))
+        self._largest[name] = max(self._largest.get(name, 0.0), largest)
+
+    def result(self, causes: Sequence[str] = (), rounds_otherwise: bool = False) -> Verification:
+        """Returns the result of comparing recorded and replayed messages so far.
+
+        Args:
+            causes, rounds_otherwise: see Verification.
+        """
+        return Verification(
+            self.topic, first=self._first, largest=dict(self._largest),
+            counts=dict(self._differing), unchecked=dict(self._unchecked), causes=tuple(causes),
+            rounds_otherwise=rounds_otherwise, tolerance=self._tolerance, **self._counts,
+        )  # fmt: skip
+
+
 class Verifier:
     """Compares recorded with replayed messages of equal stamps, as they arrive.
 
@@ -138,22 +210,19 @@ class Verifier:
         topic: of the recorded messages.
         can_lack: fields that are NaN in a recorded message where the live node lacked them. A
             replay has no deadlines: where it knows them, the message is not compared.
-        tolerance: of the node; see Node.
+        tolerance: of the node; see Verification.
+
+    Attributes:
+        tally: counts how they compare.
     """
 
     def __init__(
         self, topic: str, can_lack: Sequence[str] = (), tolerance: float | None = 0.0
     ) -> None:
-        self._topic = topic
-        self._tolerance = tolerance
+        self.tally = Tally(topic, tolerance)
         self._can_lack = tuple(can_lack)
         self._recorded: list[Messages] = []
         self._replayed: list[Messages] = []
-        self._counts = {"recorded": 0, "identical": 0, "missing": 0, "extra": 0}
-        self._first: Difference | None = None
-        self._largest: dict[str, float] = {}
-        self._differing: dict[str, int] = {}
-        self._unchecked: dict[str, int] = {}
         self._unknown: list[_Unknown] = []
 
     def add_recorded(self, stamps: Integers, columns: Columns) -> None:
@@ -201,8 +270,9 @@ class Verifier:
         recorded, replayed = self._known(recorded, count=True), self._known(replayed)
         self._unknown = [span for span in self._unknown if span.until_ns > until]
         _, left, right = np.intersect1d(recorded.stamps, replayed.stamps, return_indices=True)
-        self._counts["missing"] += len(recorded.stamps) - len(left)
-        self._counts["extra"] += len(replayed.stamps) - len(right)
+        self.tally.count(
+            missing=len(recorded.stamps) - len(left), extra=len(replayed.stamps) - len(right)
+        )
         self._pairs(recorded.rows(left), replayed.rows(right))
 
     def result(self, causes: Sequence[str] = (), rounds_otherwise: bool = False) -> Verification:
@@ -211,11 +281,7 @@ class Verifier:
         Args:
             causes, rounds_otherwise: see Verification.
         """
-        return Verification(
-            self._topic, first=self._first, largest=dict(self._largest),
-            counts=dict(self._differing), unchecked=dict(self._unchecked), causes=tuple(causes),
-            rounds_otherwise=rounds_otherwise, tolerance=self._tolerance, **self._counts,
-        )  # fmt: skip
+        return self.tally.result(causes, rounds_otherwise)
 
     def _known(self, batch: Messages, *, count: bool = False) -> Messages:
         """Returns the messages that can be compared; optionally counts those that cannot."""
@@ -223,50 +289,21 @@ class Verifier:
             inside = (batch.stamps > span.after_ns) & (batch.stamps <= span.until_ns)
             found = int(np.count_nonzero(inside))
             if found and count:
-                self._leave_out(found, span.why)
+                self.tally.leave_out(found, span.why)
             batch = batch.rows(~inside) if found else batch
         return batch
-
-    def _leave_out(self, count: int, why: str) -> None:
-        self._unchecked[why] = self._unchecked.get(why, 0) + count
 
     def _pairs(self, recorded: Messages, replayed: Messages) -> None:
         """Compares messages of equal stamps, except those that the live node did not receive."""
         lacking = np.zeros(len(recorded.stamps), dtype=bool)
         for name in self._can_lack if len(lacking) else ():
             known = ~np.isnan(replayed.columns[name])
-            lacking |= np.isnan(_column(self._topic, recorded.columns, name)) & known
+            lacking |= np.isnan(_column(self.tally.topic, recorded.columns, name)) & known
         if lacking.any():
-            self._leave_out(int(np.count_nonzero(lacking)), TOO_LATE)
+            self.tally.leave_out(int(np.count_nonzero(lacking)), TOO_LATE)
             recorded, replayed = recorded.rows(~lacking), replayed.rows(~lacking)
-        self._counts["recorded"] += len(recorded.stamps)
         if len(recorded.stamps):
-            self._fields(recorded, replayed)
-
-    def _fields(self, recorded: Messages, replayed: Messages) -> None:
-        same = np.ones(len(recorded.stamps), dtype=bool)
-        first: tuple[int, str, float, float] | None = None
-        for name, column in replayed.columns.items():
-            known = _column(self._topic, recorded.columns, name)
-            differing = ~_same_bits(known, column)
-            if _HIGHER_MODE.search(name):
-                # A model with fewer modes was recorded: there is nothing to compare with.
-                differing &= ~np.isnan(known)
-            differs = np.flatnonzero(differing)
-            if not len(differs):
-                continue
-            same[differs] = False
-            with np.errstate(invalid="ignore"):
-                gap = np.abs(column[differs].astype(float) - known[differs].astype(float))
-            largest = float(np.max(np.where(np.isnan(gap), math.inf, gap)))
-            self._largest[name] = max(self._largest.get(name, 0.0), largest)
-            self._differing[name] = self._differing.get(name, 0) + len(differs)
-            row = int(differs[0])
-            if first is None or row < first[0]:
-                first = (row, name, float(known[row]), float(column[row]))
-        self._counts["identical"] += int(np.count_nonzero(same))
-        if self._first is None and first is not None:
-            self._first = Difference(int(recorded.stamps[first[0]]), *first[1:])
+            self.tally.pairs(recorded, replayed)
 
 
 class _Unknown(NamedTuple):
@@ -377,13 +414,30 @@ def _column(topic: str, columns: Columns, field: str) -> NDArray[Any]:
         ) from None
 
 
-def _same_bits(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
-    if a.dtype == np.float64:
-        same: NDArray[np.bool_] = np.ascontiguousarray(a).view(np.int64) == np.ascontiguousarray(
-            b
-        ).view(np.int64)
-        return same
+def same_bits(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
+    """Returns which of N values, or rows of values, are the same bits in two columns.
+
+    What is masked in both is the same.
+    """
+    if a.shape != b.shape:
+        return np.zeros(len(a), dtype=bool)
+    same = _same_elements(np.ma.getdata(a), np.ma.getdata(b))
+    if np.ma.isMaskedArray(a) or np.ma.isMaskedArray(b):
+        hidden, other = np.ma.getmaskarray(a), np.ma.getmaskarray(b)
+        same = (hidden & other) | (same & (hidden == other))
+    rows: NDArray[np.bool_] = same if same.ndim == 1 else same.reshape(len(a), -1).all(axis=1)
+    return rows
+
+
+def _same_elements(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
+    if a.dtype.kind == "f" and a.dtype == b.dtype:
+        a, b = (np.ascontiguousarray(one).view(f"i{one.itemsize}") for one in (a, b))
     return np.asarray(a == b)
+
+
+def _number(value: Any) -> float:
+    """Returns a value as a number; NaN for text and for rows of values."""
+    return float(value) if np.ndim(value) == 0 and not isinstance(value, str) else math.nan
 
 
 def _ordinal(value: float) -> int:
