@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Collection
 from pathlib import Path
 
+from slosh_bringup.replay.by_journal import checked_by_journal
 from slosh_replay.journaled.replay import replay_journals
+from slosh_replay.recorded_run import RecordedRun
+from slosh_replay.replay import ReplayResult, replay_bag
+
+
+def replayed_by_journal(bag: Path, cell: str | None = None) -> ReplayResult:
+    """Replays a bag as `slosh replay --check` does, all nodes by their journals."""
+    run = RecordedRun(bag)
+    return checked_by_journal(replay_bag(run, cell=cell), run, cell)
 
 
 def assert_same_by_journal(bag: Path, nodes: Collection[str] = ("estimator",)) -> None:

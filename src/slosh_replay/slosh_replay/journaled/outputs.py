@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections import Counter
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 
+from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.chunks import MessageBlock
-from slosh_bag.reader import BagReader
+from slosh_bag.reader import BagMessage, BagReader
 from slosh_msgs_py.node.journal import whole_words
 from slosh_replay.recording.inputs import stamps_of
 from slosh_replay.replay.verification import Messages, Tally
@@ -18,6 +20,8 @@ _STAMP: Final = slice(4, 12)
 """Where a serialised message has the stamp of its header."""
 _KEPT: Final = 20_000
 """Replayed messages that wait for a recorded one; of more the oldest were not recorded."""
+_MOST_APPENDED: Final = 256
+"""Bytes."""
 UNTAKEN: Final = "what its node took is not in the recording"
 Place = tuple[bytes, int]
 """The stamp of a message, as bytes, and its place among those of the same stamp."""
@@ -50,8 +54,8 @@ class ComparedOutput:
 
     def compare(self, recorded: Sequence[Recorded]) -> None:
         """Compares further recorded messages, and those that had no counterpart yet."""
-        for one in recorded:
-            self._theirs.add(one.data)
+        for message in recorded:
+            self._theirs.add(message.data)
         ours, theirs = self._ours.messages, self._theirs.messages
         unlike: list[tuple[bytes, bytes]] = []
         shared = [place for place in theirs if place in ours]
@@ -62,7 +66,11 @@ class ComparedOutput:
         same = len(shared) - len(unlike)
         self._tally.count(recorded=same, identical=same)
         if unlike:
-            self._tally.pairs(*(self._columns(side) for side in zip(*unlike, strict=True)))
+            theirs_bytes, ours_bytes = zip(*unlike, strict=True)
+            self._tally.pairs(
+                self._columns(theirs_bytes),
+                self._columns([self._exact(one) for one in ours_bytes]),
+            )
         self._ours.forget()
 
     def finish(self, later: int) -> None:
@@ -73,6 +81,18 @@ class ComparedOutput:
         """
         self._tally.count(missing=len(self._theirs.messages), extra=len(self._ours.messages))
         self._tally.leave_out(later, UNTAKEN)
+
+    def _exact(self, data: bytes) -> bytes:
+        """Cuts off what rclpy appends: it gives the most bytes that a message may need.
+
+        Empty sequences of numbers at its end need fewer.
+        """
+        for more in range(0, _MOST_APPENDED, 4):
+            cut = data[: len(data) - more]
+            with contextlib.suppress(SloshBagError):
+                self._reader.decode(BagMessage(self._topic, self._type, 0, 0, cut))
+                return cut
+        return data
 
     def _columns(self, messages: Sequence[bytes]) -> Messages:
         whole = [whole_words(data) for data in messages]

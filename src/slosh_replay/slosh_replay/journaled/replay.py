@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import tempfile
 from collections import defaultdict, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
@@ -32,31 +33,37 @@ class Row(NamedTuple):
     Attributes:
         node: its class.
         arguments: of the class.
+        compared: types of those of its messages that must come out again.
         files: parameters that are set to a file with a recorded text, by the text's name.
     """
 
     node: type[GuardedNode]
-    arguments: Mapping[str, Any] = MappingProxyType({})
+    arguments: Mapping[str, Any]
+    compared: frozenset[str]
     files: Mapping[str, str] = MappingProxyType({})
+
+
+_TYPES = {row.name: row.type for row in topics.TOPICS}
+
+
+def types_of(*names: str) -> frozenset[str]:
+    """Returns the types of a cell's topics, by their names."""
+    return frozenset(_TYPES[name] for name in names)
 
 
 ROWS: Final[Mapping[str, Row]] = {
     "estimator": Row(
-        EstimatorNode, {"later": True}, {"model": "model", TRAY: "model", ROBOT: "urdf"}
+        EstimatorNode,
+        {"later": True},
+        types_of(
+            topics.ESTIMATE, topics.EXPECTED_READING, topics.TRAY_ESTIMATE, topics.FUSED_ESTIMATE,
+            topics.CALM, topics.ESTIMATOR_STATE, topics.OBSERVER_STATE,
+        ),
+        {"model": "model", TRAY: "model", ROBOT: "urdf"},
     ),
-    "monitor": Row(MonitorNode),
-    "sensor": Row(SensorNode, {}, {PAYLOAD: PAYLOAD}),
-}
-_TYPES = {row.name: row.type for row in topics.TOPICS}
-COMPARED: Final = frozenset(
-    _TYPES[name]
-    for name in (
-        topics.ESTIMATE, topics.EXPECTED_READING, topics.TRAY_ESTIMATE, topics.FUSED_ESTIMATE,
-        topics.CALM, topics.COMPARISON, topics.FREE_SURFACE, topics.ESTIMATOR_STATE,
-        topics.OBSERVER_STATE, topics.LIMIT_EVENT,
-    )
-)  # fmt: skip
-"""Types of the messages that are compared."""
+    "monitor": Row(MonitorNode, {}, types_of(topics.COMPARISON, topics.LIMIT_EVENT)),
+    "sensor": Row(SensorNode, {}, types_of(topics.FREE_SURFACE), {PAYLOAD: PAYLOAD}),
+}  # fmt: skip
 _UNTAKEN_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 """No node with a journal takes these; they are large."""
 LATE_NS: Final = 2 * SECOND
@@ -123,6 +130,7 @@ class _Replay:
         self._reader, self._cell, self._rows, self._folder = reader, cell, rows, folder
         self._journal = f"{cell}/{topics.JOURNAL}"
         self._types = {name: info.message_type for name, info in reader.topics().items()}
+        self._compared = frozenset[str]().union(*(row.compared for row in rows.values()))
         self._starts = read_starts(reader, f"{cell}/{topics.SETTINGS}")
         self._messages = RecentMessages()
         self._recorded: dict[str, list[Recorded]] = defaultdict(list)
@@ -139,7 +147,7 @@ class _Replay:
                 self._waiting.append(message)
             else:
                 self._messages.add(message)
-                if message.message_type in COMPARED:
+                if message.message_type in self._compared:
                     self._keep(message)
             while self._waiting and message.log_ns - self._waiting[0].log_ns > LATE_NS:
                 self._use(self._waiting.popleft())
@@ -154,7 +162,7 @@ class _Replay:
             topic.removeprefix(f"{self._cell}/"): tally.result()
             for topic, tally in self._tallies.items()
         }
-        verified = {name: one for name, one in found.items() if one.recorded + one.missing}
+        verified = {name: one for name, one in found.items() if one.total or one.unchecked}
         return JournaledReplay(tuple(processes), verified)
 
     def _keep(self, message: BagMessage) -> None:
@@ -188,7 +196,8 @@ class _Replay:
             return None
         lacking = "the beginning of its journal" if journal.first else ""
         notes = ProcessNotes(journal.node, log_ns, begun_ns(journal), lacking)
-        process = _Process(notes, self._messages, self._output, self._recorded)
+        output = partial(self._output, row.compared)
+        process = _Process(notes, self._messages, output, self._recorded)
         folder = self._folder / str(len(self._processes))
         parameters = {**start.parameters, **_files(folder, start, row)}
         place = Place(
@@ -200,10 +209,10 @@ class _Replay:
         self._processes.append(process)
         return process
 
-    def _output(self, topic: str) -> ComparedOutput | None:
+    def _output(self, compared: Collection[str], topic: str) -> ComparedOutput | None:
         """Creates what compares a topic; None: it was not recorded, or is not compared."""
         kind = self._types.get(topic)
-        if kind not in COMPARED:
+        if kind is None or kind not in compared:
             return None
         tally = self._tallies.setdefault(topic, Tally(topic))
         return ComparedOutput(self._reader, topic, kind, tally)
@@ -222,8 +231,8 @@ class _Process:
         self._node: Any = None
 
     def create(self, row: Row, place: Place) -> None:
-        """Creates the node, without a graph."""
-        self._node = replayed(row.node, place, **row.arguments)
+        """Creates the node, without a graph; what its settings tell may be a stranger's."""
+        self._try(lambda: replayed(row.node, place, **row.arguments))
 
     def publishes(self, topic: str) -> None:
         """Is told each topic that the node publishes."""
@@ -239,25 +248,33 @@ class _Process:
         """Gives the node what a journal names; compares what was recorded of it until then."""
         for taken in self.notes.add(journal, sent_ns, self._messages):
             self._take(taken)
+            if self.notes.lacking:
+                break
         self._compare()
 
     def finish(self, end_ns: int) -> None:
         """Compares the rest; the next process of the node began at this time [ns]."""
-        for taken in self.notes.rest():
+        for taken in () if self.notes.lacking else self.notes.rest():
             self._take(taken)
         self._compare()
         for topic, output in self._outputs.items():
             if output is not None:
                 output.finish(len(self._due(topic, end_ns - 1)))
 
+    def _try(self, create: Callable[[], Any]) -> None:
+        try:
+            self._node = create()
+        except (ValueError, TypeError, LookupError, OSError) as error:
+            self.notes.lacking = f"usable settings: {error}"
+
     def _take(self, taken: Taken) -> None:
+        node = self._node
         if taken.source in (START, BEGIN):
-            self._node.journal.begin(taken)
+            node.journal.begin(taken)
             if taken.source == BEGIN:
-                self._node.prepare(lambda _: None)
-                self._node.is_prepared()
+                self._try(lambda: _prepared(node))
         else:
-            self._node.use(taken)
+            node.use(taken)
 
     def _compare(self) -> None:
         for topic, output in self._outputs.items():
@@ -271,6 +288,13 @@ class _Process:
         if found:
             waiting[:] = [one for one in waiting if one.sent_ns > until_ns]
         return found
+
+
+def _prepared(node: Any) -> Any:
+    """Lets a node begin its work, as `run_node` does."""
+    node.prepare(lambda _: None)
+    node.is_prepared()
+    return node
 
 
 def _files(folder: Path, start: NodeStart, row: Row) -> dict[str, str]:
