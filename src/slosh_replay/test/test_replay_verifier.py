@@ -14,6 +14,7 @@ from slosh_replay.replay.verification import (
     Verifier,
     estimate_columns,
     estimate_fields,
+    same_bits,
 )
 
 TOPIC = "/slosh/estimate"
@@ -83,6 +84,21 @@ def test_nan_equals_itself_and_nothing_else(recwarn):
     assert compared(endless, endless).exact
     assert compared(endless, whole(linear_msh={110: -np.inf})).largest["linear.msh"] == math.inf
     assert not recwarn.list
+
+
+def test_rows_texts_and_masked_values_are_compared_bit_for_bit():
+    rows = np.array([[0.0, 1.0], [0.0, 1.0], [np.nan, 1.0]])
+    other = np.array([[-0.0, 1.0], [0.0, 1.0], [np.nan, 1.0]])
+    assert same_bits(rows, other).tolist() == [False, True, True]
+    words = np.array(["a", "b"], dtype=object)
+    assert same_bits(words, np.array(["a", "c"], dtype=object)).tolist() == [True, False]
+    masked = np.ma.array([1, 2, 3], mask=[True, False, False])
+    assert same_bits(masked, np.ma.array([9, 2, 3], mask=[1, 0, 1])).tolist() == [
+        True,
+        True,
+        False,
+    ]
+    assert same_bits(rows, rows[:, :1]).tolist() == [False] * 3
 
 
 def test_the_first_is_the_earliest_and_the_largest_is_by_field():
