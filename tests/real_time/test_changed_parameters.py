@@ -16,8 +16,8 @@ from slosh_msgs.msg import FreeSurface, LimitEvent
 from slosh_msgs.srv import PredictSlosh
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds
-from slosh_replay.replay import replay_bag
 from slosh_testing.hearing_robot import HearingRobot
+from slosh_testing.journaled import replayed_by_journal
 
 RATE = 200
 IMAGE_EVERY = 4
@@ -169,7 +169,7 @@ def told(events) -> list[tuple]:
 
 def test_a_recording_with_changes_replays_bit_for_bit_and_is_reported(recorded):
     cell, bag = recorded
-    result = replay_bag(bag)
+    result = replayed_by_journal(bag)
     assert result.verification.exact, result.verification.lines()
     assert result.comparisons.exact, result.comparisons.lines()
     assert result.limits.estimated_limit == 1.0

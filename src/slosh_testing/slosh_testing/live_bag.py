@@ -39,7 +39,7 @@ MS = 1_000_000
 PARAMETERS = {
     "estimator": {
         "input": "accel", "world_frame": "world", "container_frame": "container",
-        "max_gap": 0.05, "max_age": 0.5, "sensor_rotation": [0.0, 0.0, 0.0],
+        "max_gap": 0.05, "max_age": 0.5, "max_jump": 20.0, "sensor_rotation": [0.0, 0.0, 0.0],
         "sensor_to_origin": [0.0, 0.0, 0.0],
     },
     "monitor": {
@@ -263,10 +263,7 @@ class LiveBag:
         if self.tray is not None:
             files[TRAY] = format_tray(self.tray)
             self._others = TrayEstimator(self.tray, at_rest=at_rest)
-        # A node whose parameters can change sets jumps aside, too.
         own = {"starts_at_rest": at_rest, "pose_window": self.pose_window}
-        if self.changes:
-            own["max_jump"] = GateSettings().max_jump
         self._settings("estimator", stamp, files, log_ns, **own)
         source = InputSettings(
             self.kind, GateSettings(), SensorTransform(*self.rotation), self.pose_window,

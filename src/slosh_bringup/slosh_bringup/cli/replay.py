@@ -58,10 +58,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="namespace of the cell to replay, if the bag contains several cells, e.g. /slosh",
     )  # fmt: skip
     old_name(parser, cell, "--cell")
-    parser.add_argument(
-        "--estimator", type=int, default=1, metavar="N",
-        help="number of the estimator to replay, if several were recorded (default 1: the first)",
-    )  # fmt: skip
     add_input_options(parser)
     parser.add_argument(
         "-o", "--output", type=Path,
@@ -134,7 +130,7 @@ def make_tasks(stated: Sequence[StatedBag], arguments: argparse.Namespace) -> li
         unstated = bag.unstated and expected is not None
         task = Task(
             bag.path, name, model, arguments.cell, arguments.output, expected, unstated,
-            arguments.json, arguments.estimator, given,
+            arguments.json, given,
         )  # fmt: skip
         # A cluster's workers have working directories of their own.
         tasks.append(task.absolute() if arguments.scheduler else task)

@@ -45,6 +45,7 @@ class Place(NamedTuple):
         topics: full names by those that the node's code has, where they were remapped.
         simulated: whether the node's time is a simulated one.
         give: receives what the node publishes.
+        publishes: is told the full name of each topic on which it does.
     """
 
     namespace: str
@@ -52,6 +53,7 @@ class Place(NamedTuple):
     topics: Mapping[str, str]
     simulated: bool
     give: Given
+    publishes: Callable[[str], None]
 
 
 class OfflineJournal:
@@ -194,6 +196,7 @@ class OfflineNode(Node):
     def create_publisher(self, kind: Any, topic: str, *_: Any, **__: Any) -> Any:
         """Creates a publisher that hands its messages over."""
         name, give = self.resolve_topic_name(topic), self.place.give
+        self.place.publishes(name)
         return SimpleNamespace(
             publish=lambda message: give(name, lambda: bytes(serialize_message(message))),
             get_subscription_count=lambda: 1,

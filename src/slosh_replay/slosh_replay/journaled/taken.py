@@ -1,41 +1,43 @@
-"""Reads from a recording what each node took, in the order in which it took it."""
+"""Finds what each process of a node took in a recording, in its order, as the recording comes."""
 
 from __future__ import annotations
 
 import json
-from collections import defaultdict, deque
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from collections import deque
+from collections.abc import Iterator
+from typing import Any, Final, NamedTuple
 
-from slosh_bag.reader import BagReader
+from slosh_bag.reader import BagMessage
 from slosh_base.files.nanoseconds import SECOND
 from slosh_msgs_py.node.journal import ANSWER, MESSAGE, MICROSECOND, checksum
 from slosh_msgs_py.node.offline import Taken
 
-_NEVER = 2**63 - 1
+KEPT_NS: Final = 30 * SECOND
+"""So long behind its recording a message may be taken, ..."""
+LATCHED: Final = 1000
+"""... but of a topic with so few messages, such as settings, at any time."""
 
 
-class Process(NamedTuple):
-    """What one process of a node took.
+class RecentMessages:
+    """The latest messages of a recording, found by topic and CRC-32."""
 
-    Attributes:
-        node: its name.
-        begin_ns: log time of its first journal [ns].
-        begun_ns, end_ns: when it began, and when the next one of the node did [ns].
-        until_ns: up to when what it published is known from what it took [ns]. It sent its last
-            journal then, or took the last thing before the first that is lacking.
-        taken: in order, up to the first thing that the recording lacks.
-        lacking: what that is; empty: nothing.
-    """
+    def __init__(self) -> None:
+        self._topics: dict[str, dict[int, tuple[int, bytes]]] = {}
 
-    node: str
-    begin_ns: int
-    begun_ns: int
-    end_ns: int
-    until_ns: int
-    taken: list[Taken]
-    lacking: str
+    def add(self, message: BagMessage) -> None:
+        """Adds a message; of equal ones the last counts."""
+        known, check = self._topics.setdefault(message.topic, {}), checksum(message.data)
+        known.pop(check, None)
+        known[check] = (message.log_ns, message.data)
+        if len(known) > LATCHED:
+            oldest = next(iter(known))
+            if message.log_ns - known[oldest][0] > KEPT_NS:
+                del known[oldest]
+
+    def find(self, topic: str, check: int) -> bytes | None:
+        """Returns a message's serialised bytes; None: it was not recorded."""
+        found = self._topics.get(topic, {}).get(check)
+        return None if found is None else found[1]
 
 
 class _Entry(NamedTuple):
@@ -46,66 +48,76 @@ class _Entry(NamedTuple):
     steady_ns: int
 
 
-@dataclass(slots=True)
-class _Notes:
-    """Entries of one process, as they are read, and when its journals came and were sent."""
-
-    begin_ns: int
-    until_ns: int
-    entries: list[_Entry] = field(default_factory=list)
-    gap: str = ""
-
-
-def read_processes(reader: BagReader, topic: str) -> list[Process]:
-    """Reads the journals of all nodes and finds the messages that they name.
+class ProcessNotes:
+    """The journal of one process of a node, up to the first thing that the recording lacks.
 
     Args:
-        reader: of the bag.
-        topic: the journals' full name.
+        node: the node's name.
+        log_ns: when its first journal was recorded [ns].
+        begun_ns: the time of the first thing in it [ns].
+        lacking: why not all of it can be replayed; empty: nothing is known to be missing.
 
-    Raises:
-        SloshBagError: a journal cannot be read.
+    Attributes:
+        until_ns: up to when what it published follows from what it took [ns]. It sent its last
+            journal then, or took the last thing before the first that is lacking.
+        taken: things so far.
     """
-    notes = _read_notes(reader, topic)
-    heard = {
-        entry.source.removeprefix(MESSAGE).partition(" ")[0]
-        for one in notes.values()
-        for run in one
-        for entry in run.entries
-        if entry.source.startswith(MESSAGE)
-    }
-    messages = _messages(reader, heard)
-    found = []
-    for node, runs in notes.items():
-        begins = [_begun_ns(run) for run in runs]
-        for run, begun_ns, end_ns in zip(runs, begins, [*begins[1:], _NEVER], strict=True):
-            found.append(_process(node, run, messages, begun_ns, end_ns))
-    return found
+
+    def __init__(self, node: str, log_ns: int, begun_ns: int, lacking: str = "") -> None:
+        self.node, self.log_ns, self.begun_ns, self.lacking = node, log_ns, begun_ns, lacking
+        self.until_ns = begun_ns
+        self.taken = 0
+        self._count = 0  # entries
+        self._entries: deque[_Entry] = deque()
+        self._last: Taken | None = None
+
+    def add(self, journal: Any, sent_ns: int, messages: RecentMessages) -> Iterator[Taken]:
+        """Yields what is known to be taken, in order, with the next journal of the process."""
+        missing = journal.first - self._count
+        if missing and not self.lacking:
+            self._lack(f"{missing} things of its journal")
+        if self.lacking:
+            return
+        self._count += len(journal.source)
+        for entry in _entries(journal):
+            if entry.source == ANSWER:
+                if self._last is not None:
+                    question, answer = json.loads(entry.content)
+                    answers = (*self._last.answers, (question, answer))
+                    self._last = self._last._replace(answers=answers)
+                continue
+            content: bytes | None = entry.content
+            if entry.source.startswith(MESSAGE):
+                topic = entry.source.removeprefix(MESSAGE).partition(" ")[0]
+                content = messages.find(topic, entry.check)
+                if content is None:
+                    yield from self.rest()
+                    self._lack(f"a message on {topic}")
+                    return
+            yield from self.rest()
+            self._last = Taken(entry.source, content or b"", entry.now_ns, entry.steady_ns)
+        self.until_ns = sent_ns
+
+    def rest(self) -> Iterator[Taken]:
+        """Yields the thing that was taken last: its answers are complete."""
+        if self._last is not None:
+            self.taken += 1
+            self.until_ns = max(self.until_ns, self._last.now_ns)
+            yield self._last
+            self._last = None
+
+    def _lack(self, what: str) -> None:
+        self.lacking = what
 
 
-def _read_notes(reader: BagReader, topic: str) -> Mapping[str, list[_Notes]]:
-    found: dict[str, list[_Notes]] = defaultdict(list)
-    for message in reader.messages({topic}):
-        journal = reader.decode(message)
-        runs = found[journal.node]
-        if journal.first == 0:
-            runs.append(_Notes(message.log_ns, message.publish_ns))
-        elif not runs:
-            begun = _Notes(message.log_ns, message.publish_ns)
-            begun.gap = "the beginning of its journal"
-            runs.append(begun)
-        run = runs[-1]
-        missing = journal.first - len(run.entries)
-        if missing and not run.gap:
-            run.gap = f"{missing} things of its journal"
-        if not run.gap:
-            run.entries.extend(_entries(journal))
-            run.until_ns = message.publish_ns
-    return found
+def begun_ns(journal: Any) -> int:
+    """Returns the time of the first thing in a journal [ns]."""
+    stamp = journal.header.stamp
+    return int(stamp.sec * SECOND + stamp.nanosec)
 
 
 def _entries(journal: Any) -> Iterator[_Entry]:
-    base = journal.header.stamp.sec * SECOND + journal.header.stamp.nanosec
+    base = begun_ns(journal)
     content, at = bytes(journal.content), 0
     rows = zip(
         journal.source.tolist(), journal.check.tolist(), journal.time.tolist(),
@@ -119,44 +131,3 @@ def _entries(journal: Any) -> Iterator[_Entry]:
         yield _Entry(
             source, check, own, base + since * MICROSECOND, journal.steady + steady * MICROSECOND
         )
-
-
-def _messages(reader: BagReader, topics: set[str]) -> dict[tuple[str, int], deque[bytes]]:
-    """Returns the messages of some topics by topic and CRC-32, equal ones in order."""
-    found: dict[tuple[str, int], deque[bytes]] = defaultdict(deque)
-    for message in reader.messages(topics):
-        found[message.topic, checksum(message.data)].append(message.data)
-    return found
-
-
-def _process(
-    node: str,
-    notes: _Notes,
-    messages: Mapping[tuple[str, int], deque[bytes]],
-    begun_ns: int,
-    end_ns: int,
-) -> Process:
-    taken: list[Taken] = []
-    lacking = notes.gap
-    for entry in notes.entries:
-        if entry.source == ANSWER:
-            if taken:
-                question, answer = json.loads(entry.content)
-                last = taken[-1]
-                taken[-1] = last._replace(answers=(*last.answers, (question, answer)))
-            continue
-        content = entry.content
-        if entry.source.startswith(MESSAGE):
-            topic = entry.source.removeprefix(MESSAGE).partition(" ")[0]
-            known = messages.get((topic, entry.check))
-            if known is None:
-                lacking = f"a message on {topic}"
-                break
-            content = known[0]
-        taken.append(Taken(entry.source, content, entry.now_ns, entry.steady_ns))
-    until_ns = taken[-1].now_ns if lacking and taken else notes.until_ns
-    return Process(node, notes.begin_ns, begun_ns, end_ns, until_ns, taken, lacking)
-
-
-def _begun_ns(notes: _Notes) -> int:
-    return notes.entries[0].now_ns if notes.entries else notes.begin_ns

@@ -42,6 +42,7 @@ from slosh_metrics.input_checks.stamp_checks import stamp_doubts
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_msgs_py import topics
 from slosh_replay.recording.inputs import (
+    LOGGED,
     PLACED_FIELDS,
     fields,
     recorded_inputs,
@@ -104,25 +105,34 @@ class InputBlocks:
             SloshBagError: a message is not of its type.
         """
         if self._poses is None:
-            columns = self._columns.columns(blocks[0], self._fields)
+            (block,) = blocks
+            columns = self._columns.columns(block, self._fields)
             stamps = stamps_of(columns)
             self._stamped += int(np.count_nonzero(stamps))
             self._messages += len(stamps)
-            stamped, logged = self._clock_of("")
-            stamped.extend(stamps.tolist())
-            logged.extend(blocks[0].log_ns.tolist())
-            return columns
+            own_stamps, own_logged = self._clock_of("")
+            own_stamps.extend(stamps.tolist())
+            own_logged.extend(block.log_ns.tolist())
+            return {**columns, LOGGED: block.log_ns}
         messages = [message for block in blocks for message in messages_of(block)]
         if len(blocks) > 1:  # in the order in which the node heard them
             messages.sort(key=lambda message: message.log_ns)
-        decoded = map(self._noted, messages)
+        logged: list[int] = []
         if isinstance(self._poses, PlacedAccel):
-            placed = [one for message in decoded for one in self._placed(self._poses, message)]
+            placed: list[PlacedAcceleration] = []
+            for message in messages:
+                placed += self._placed(self._poses, self._noted(message))
+                logged += [message.log_ns] * (len(placed) - len(logged))
             self._count += len(placed)
-            return _placed_columns(placed, self._world)
-        found = [one for message in decoded for one in self._taken(message)]
-        self._count += len(found)
-        return _pose_columns(found, self._world)
+            columns = _placed_columns(placed, self._world)
+        else:
+            found: list[TimedPose] = []
+            for message in messages:
+                found += self._taken(self._noted(message))
+                logged += [message.log_ns] * (len(found) - len(logged))
+            self._count += len(found)
+            columns = _pose_columns(found, self._world)
+        return {**columns, LOGGED: np.array(logged, dtype=np.int64)}
 
     def _noted(self, message: BagMessage) -> Any:
         """Returns a decoded message of `topics`; counts those of the input and their stamps."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -44,7 +43,7 @@ def conclude(
     Raises:
         SloshBagError: there is no usable input.
     """
-    setting, series, reader = stream.setting, stream.series, stream.setting.reader
+    series, reader = stream.series, stream.setting.reader
     if not reader.counters["samples_used"]:
         raise SloshBagError(f"{name}: holds no usable message of {source}{reader.refusal}")
     reader.finish()
@@ -53,11 +52,10 @@ def conclude(
     if estimator.untaken:
         causes = (*origin.causes, f"the recorded state cannot be restored: {estimator.untaken}")
         origin = origin._replace(causes=causes)
-    elif setting.matcher is not None and setting.known is None:
-        origin = origin._replace(causes=(*origin.causes, *setting.matcher.remarks()))
+    verified = _verified(stream, origin)
     counters = {**reader.counters, "images": stream.images}
-    if estimator.unused:
-        counters["not_used_live"] = estimator.unused
+    if ESTIMATE in verified and verified[ESTIMATE].extra:
+        counters["not_used_live"] = verified[ESTIMATE].extra
     counters["unmatched_images"] = feed.monitor.unmatched
     names, laid = estimator.models.names, stream.alignment
     judged = Judgement()
@@ -91,7 +89,7 @@ def conclude(
         azimuth=rows["azimuth"],
         model_azimuth=rows["model_azimuth"],
         flags=rows["flags"],
-        verified=_verified(stream, origin),
+        verified=verified,
         model=estimator.models.model,
         limits=feed.settings,
         limit_changes=feed.changes,
@@ -100,18 +98,14 @@ def conclude(
 
 
 def _verified(stream: ReplayStream, origin: Origin) -> dict[str, Verification]:
-    """Compares all nodes' messages with the recorded ones, by the last part of topic names.
+    """Compares estimates with the recorded ones, by the last part of topic names.
 
     Why estimates may differ is told of them, not of what follows from them.
     """
-    found = {
+    return {
         name: verifier.result(*(origin if name == ESTIMATE else origin._replace(causes=())))
         for name, verifier in stream.verifiers.items()
     }
-    counter = stream.setting.counter
-    if ESTIMATE in found and counter is not None:
-        found[ESTIMATE] = replace(found[ESTIMATE], miscounted=counter.breaks)
-    return found
 
 
 def _astray(strays: Mapping[str, int]) -> str:
