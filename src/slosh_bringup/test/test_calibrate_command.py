@@ -231,7 +231,7 @@ def test_bad_input_is_one_line(capsys, tmp_path, still, intrinsics):
         ([still, *camera, "-o", output], "--radius: is needed"),
         ([still, *camera, "--radius", "0.05", "-o", output], "--fill-height: is needed"),
         ([still, *camera, "--radius", "nan", "--fill-height", "1", "-o", output], "radius: nan"),
-        ([still, "--fov", "190", *end], "--fov: field of view: 190 deg"),
+        ([still, "--fov", "190", *end], "--fov: 190 deg is out of range; must be 3.15 to 180 deg"),
         ([still, *camera, *end, "--azimuth", "nan"], "--azimuth: nan"),
         ([still, *camera, *end, "--board", "chess"], "board: 'chess' is not charuco:"),
         ([still, *camera, *end, "--board", "aruco:2x2:0.03:0.01"], "board: 0 corners of it"),

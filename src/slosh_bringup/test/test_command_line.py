@@ -70,6 +70,7 @@ def test_a_bare_number_that_cannot_be_meant_is_asked_back(kind, text, said):
         ("motion quintic --speed 48 --stroke 300 -o a.csv", "did you mean 300 mm, 0.3?"),
         ("new cup --radius 40 --fill-height 60mm", "did you mean 0.04 (40 mm)?"),
         ("calibrate a.png --fov 40 --radius 40 -o c.yaml", "did you mean 40 mm, 0.04?"),
+        ("predict model.yaml m.csv --horizon 1e9", "1e+09 s is out of range"),
         ("intrinsics --board 9x6 --square 25 a.png", "did you mean 25 mm, 0.025?"),
         ("intrinsics --board 9x6 --lens plumbob", "did you mean plumb_bob?"),
         ("replay --jobs two x", "--jobs: 'two' is not a whole number"),

@@ -141,6 +141,6 @@ def test_steps_that_come_late_early_or_not_at_all_keep_the_limit(truth, clock, s
         cup.move(GovernedStep(told.steps, t, *both))
     found = cup.outcome(motion, LIMIT)
     # By a clock that is a fifth off the robot may do other things between the steps.
-    assert 0.5 * LIMIT < found.highest <= LIMIT
+    assert 0.4 * LIMIT < found.highest <= LIMIT
     # Each step that is left out may be a step of the clock.
     assert found.slower < 0.6 + 0.5 * share

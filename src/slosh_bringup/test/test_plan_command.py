@@ -176,7 +176,7 @@ def test_no_safe_motion_is_exit_code_1(slosh_plan):
     code, out, err, table = slosh_plan(LINE, "--max-acceleration", "1e-5")
     assert (code, out) == (1, "")
     assert err.count("\n") == 1
-    assert "no motion of up to 120 s" in err
+    assert "the limit of the acceleration asks for 402 s" in err
     assert not table.exists()
 
 

@@ -102,7 +102,6 @@ def test_no_limit_left_is_no_safe_scale(capsys, tmp_path):
         ("t,wx,wy,wz\n0,0,0,0\n", "", "a planned motion needs t, and ax,ay,az or x,y,z"),
         ("t,ax,ay,az,speed\n0,0,0,0,0\n", "", "column 'speed' is unknown"),
         ("t,ax,ay,az\n0,0,0,0\n0.1,1,0,0\n", "--limit -1", "height limit = -1.0 m must lie above"),
-        ("t,ax,ay,az\n0,0,0,0\n0.1,1,0,0\n", "--horizon 1e9", "horizon = 1000000000.0 s"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_one_line_and_exit_code_two(capsys, tmp_path, text, options, match):

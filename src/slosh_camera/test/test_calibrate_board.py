@@ -242,6 +242,23 @@ def test_of_two_lines_round_the_glass_a_click_tells_the_level(make_scene):
         assert front_of(outline)[1] == pytest.approx(v, abs=2.2)
 
 
+def test_the_flank_of_a_ring_just_below_the_reach_of_the_level_is_no_level(make_scene):
+    """A ring so low that the fill height rules its middle out, but not its upper flank."""
+    scene = make_scene(
+        radius=0.0185,
+        distance=0.33,
+        width=260,
+        height=700,
+        focal=900.0,
+        oversampling=2,
+        liquid=209,
+    )
+    image, truth = scene.with_rings(scene.with_sides(scene.draw()), (-0.012,)), scene.calibration()
+    cup = dataclasses.replace(truth.view.cup, fill_height=0.088)
+    with pytest.raises(SloshCameraError, match=r"two levels are possible.*--level U V"):
+        find_outline(edge_image(image), truth.view.camera, cup)
+
+
 def test_rings_alone_are_no_level(make_scene):
     scene = make_scene(radius=0.0185, distance=0.33, width=260, height=700, focal=900.0)
     image = scene.with_rings(scene.with_sides(scene.empty()), RINGS, (-20.0, 60.0))

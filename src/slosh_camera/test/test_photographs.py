@@ -51,6 +51,7 @@ def test_the_level_is_where_the_eye_sees_it(name):
         pytest.param("15", 0.1, id="the rim of a cylinder that is fuller than told"),
         pytest.param("12", 0.052, id="the edge of the foot, told too little"),
         pytest.param("12", 0.074, id="the edge of the foot"),
+        pytest.param("09", 0.029, id="the rear of a foaming level near the foot"),
     ],
 )
 def test_where_another_line_may_be_the_level_a_click_is_asked_for(name, fill):

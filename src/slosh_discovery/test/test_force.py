@@ -129,3 +129,31 @@ def test_times_that_go_back_are_sorted_and_told(record):
     found = identify_force(replace(record, t=record.t[order], force=record.force[order]), CUP)
     check(found, TRUTH)
     assert "go back" in found.notes[0]
+
+
+def every(record, step):
+    return replace(record, t=record.t[::step], force=record.force[::step])
+
+
+def test_what_sparse_samples_hide_is_counted_and_named(record):
+    found = identify_force(every(record, 50), CUP)  # 10 Hz
+    off = abs(found.sloshing_mass.value - TRUTH.mass)
+    assert 0.05 * TRUTH.mass < off < 1.1 * found.sloshing_mass.error
+    assert abs(found.payload.value - TRUTH.payload) < 2.0 * found.payload.error
+    told = " ".join(found.notes)
+    assert "the force has 10 Hz and the wave has" in told
+    assert "fill height" not in told
+    assert "record the force at" in refused(every(record, 100))
+
+
+def test_a_force_in_stairs_is_read_at_its_own_rate(record):
+    rows = np.arange(len(record.t)) // 10 * 10
+    found = identify_force(replace(record, force=record.force[rows]), CUP)
+    check(found, TRUTH)
+    assert "measured at 50 Hz and sent at 50" in found.notes[0]
+
+
+def test_a_clipped_force_is_named(record):
+    force = record.force - np.median(record.force, axis=0)
+    most = 0.2 * np.abs(force).max()
+    assert "clipped during" in refused(replace(record, force=np.clip(force, -most, most)))

@@ -17,15 +17,13 @@ from slosh_estimator.tuning import TUNING
 _UNCLEAR = UNUSABLE | SATURATED | AMBIGUOUS
 
 
-# Detects outliers: measured heights that fit neither the estimate nor other images.
-#
-# An old picture, or one torn between two moments, is measured as well as any other, and its
-# height is wrong. How far measured and estimated height differ changes from image to image no
-# faster than the wave swings, whatever the model lacks; there it jumps, and jumps back.
-
-
 class StrayHeights:
-    """Detects outliers among measured heights by comparison with the modelled heights."""
+    """Detects outliers among measured heights by comparison with the modelled heights.
+
+    An old picture, or one torn between two moments, is measured as well as any other, and its
+    height is wrong. How far measured and estimated height differ changes from image to image no
+    faster than the wave swings, whatever the model lacks; there it jumps, and jumps back.
+    """
 
     def __init__(self) -> None:
         self._kept: deque[tuple[int, float]] = deque(maxlen=TUNING.stray_kept)
@@ -62,14 +60,12 @@ class StrayHeights:
         self._strays = 0
 
 
-# Detects a camera that repeats old images while the liquid must be moving.
-#
-# A picture that is repeated with fresh noise, or coded anew, has no pixel in common with itself.
-# But what is measured in it stays, though the container's motion swings the liquid on.
-
-
 class RepeatedHeights:
-    """Compares successive measured heights with modelled ones to detect repeated images."""
+    """Compares successive measured heights with modelled ones to detect repeated images.
+
+    A picture that is repeated with fresh noise, or coded anew, has no pixel in common with itself.
+    But what is measured in it stays, though the container's motion swings the liquid on.
+    """
 
     def __init__(self) -> None:
         self._seen: deque[tuple[int, complex, complex, float]] = deque()

@@ -153,15 +153,13 @@ def _between(one: Values, other: Values, share: float) -> Values:
     return tuple(found)
 
 
-# Compares the velocities in joint states with the change of the positions.
-#
-# Drivers report commanded, filtered, late or missing velocities, in other units, or zeros. So
-# over stretches of time the mean velocity is compared with what the positions did: only what
-# agrees there is a velocity. The estimator uses the positions alone, and tells what it found.
-
-
 class JointVelocities:
-    """Compares joint velocities with position changes over intervals of TUNING.stretch_ns."""
+    """Compares joint velocities with position changes over intervals of TUNING.stretch_ns.
+
+    Drivers report commanded, filtered, late or missing velocities, in other units, or zeros. So
+    over stretches of time the mean velocity is compared with what the positions did: only what
+    agrees there is a velocity. The estimator uses the positions alone, and tells what it found.
+    """
 
     def __init__(self) -> None:
         self._start: tuple[int, Sequence[float]] | None = None

@@ -55,6 +55,12 @@ class Twist(NamedTuple):
     frame: str = ""
     position: Vector | None = None
 
+    def compare(self, check: TwistCheck) -> None:
+        """Adds a velocity in the axes of its moving frame to a check against its own pose."""
+        if self.attitude is not None and self.position is not None:
+            turned = rotated(self.attitude, self.linear)
+            check.take(self.stamp_ns, self.position, turned, self.linear)
+
 
 class VelocityInput(PoseInput):
     """Converts velocities of a frame to input samples.
@@ -227,8 +233,7 @@ class OdometryPoses(PoseInput):
         """
         if twist.attitude is None or twist.position is None:
             raise SloshEstimatorError("a velocity without a pose cannot be read by its pose")
-        turned = rotated(twist.attitude, twist.linear)
-        self._twists.take(twist.stamp_ns, twist.position, turned, twist.linear)
+        twist.compare(self._twists)
         return self.update(twist.stamp_ns, twist.position, twist.attitude, now_ns)
 
     def message_doubts(self) -> tuple[Doubt, ...]:

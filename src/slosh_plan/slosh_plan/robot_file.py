@@ -47,6 +47,12 @@ class CarryingRobot:
 
     @property
     def remarks(self) -> tuple[str, ...]:
+        """What of the limits does not count or is not known; empty if nothing."""
+        moving = tuple(joint for joint in self.arm.carrying if joint not in self.arm.held)
+        return (*self.file_remarks, *self.unlimited(moving))
+
+    @property
+    def file_remarks(self) -> tuple[str, ...]:
         """What of the user's limits does not count, or counts as a share; empty if nothing."""
         names = list(self.given.joints)
         strange = [one for one, known in zip(names, self.arm.known(names), strict=True)
@@ -58,6 +64,27 @@ class CarryingRobot:
             (self.given.unused, "not used: {}"),
         )
         return tuple(words.format(", ".join(what)) for what, words in found if what)
+
+    def unlimited(self, joints: Sequence[str]) -> tuple[str, ...]:
+        """Returns which of the named joints have no known limit of velocity or acceleration.
+
+        Joints that are not in the robot's description are passed over.
+        """
+        limits = self.limits(joints)
+        free: dict[tuple[str, ...], list[str]] = {}
+        for place, (joint, known) in enumerate(zip(joints, self.arm.known(joints), strict=True)):
+            kinds = {
+                "velocity": limits.velocity[place],
+                "acceleration": limits.acceleration[place],
+            }
+            missing = tuple(name for name, most in kinds.items() if not np.isfinite(most))
+            if known and missing:
+                free.setdefault(missing, []).append(joint)
+        return tuple(
+            f"{', '.join(names)}: no limit of the {' and of the '.join(missing)} is known, and "
+            "none is kept; the file of joint limits gives it"
+            for missing, names in free.items()
+        )
 
     def limits(self, joints: Sequence[str]) -> JointLimits:
         """Returns the position, velocity and other limits of the named joints."""

@@ -12,10 +12,15 @@ from slosh_model import Inputs, simulate
 from slosh_model.model_text import parse_model
 from slosh_plan import SloshPlanError
 from slosh_plan.joints import Arm
-from slosh_plan.planning.joint_limits import limits_of, read_joint_limits
+from slosh_plan.planning.joint_limits import (
+    GivenLimits,
+    limits_of,
+    parse_joint_limits,
+    read_joint_limits,
+)
 from slosh_plan.planning.joint_path import JointLeg, joint_path
 from slosh_plan.planning.limits import PlanLimits
-from slosh_plan.planning.plan import plan
+from slosh_plan.planning.plan import NoSafeMotionError, plan
 from slosh_plan.planning.waypoints import JointWaypoints
 from slosh_plan.robot_file import CarryingRobot
 from slosh_plan.tables.joint_table import read_joint_table, write_joint_table
@@ -97,7 +102,7 @@ def test_a_plan_keeps_every_limit_by_other_means(planned):
         t, np.concatenate([acceleration, np.zeros((rest, 3))]),
         np.concatenate([turned, np.tile(turned[-1], (rest, 1))]),
     )  # fmt: skip
-    found = simulate(CUP.with_gravity_tilt(), inputs)[0].msh
+    found = simulate(CUP.nonlinear().with_gravity_tilt(), inputs)[0].msh
     assert found.max() <= LIMITS.height * 1.002
     assert found[len(place) :].max() <= LIMITS.residual * 1.002
     assert found.max() > 0.9 * LIMITS.height  # it is used, not merely kept
@@ -250,6 +255,48 @@ def test_waypoints_in_milliseconds_are_named(arm, tmp_path):
         read_joint_table(waypoints(tmp_path, 10.0, 0.02), arm, FOUND_OUT)
 
 
+def test_waypoints_that_coincide_say_nothing_about_the_unit(arm, tmp_path):
+    found = read_joint_table(waypoints(tmp_path, 1.0, 2e-6), arm, FOUND_OUT)
+    with pytest.raises(SloshPlanError, match="20 waypoints coincide"):
+        joint_path(arm, limits_of(arm, NAMES[:3]), found.position)
+
+
+def test_the_limit_that_asks_for_too_long_a_motion_is_named(arm):
+    slow = {**GIVEN, "elbow": {"velocity": 0.005}}  # 0.6 rad
+    path = joint_path(arm, limits_of(arm, NAMES, slow), LEVEL)
+    with pytest.raises(
+        NoSafeMotionError, match=r"velocity of the joints asks for 1[2-4]\d\.?\d* s"
+    ):
+        plan(CUP, path, LIMITS)
+
+
+def test_a_joint_without_a_known_limit_is_named():
+    robot = CarryingRobot(Arm(URDF.replace('<limit effort="5" velocity="2.5"/>', ""), "cup"))
+    one, none = robot.remarks
+    assert none.startswith("elbow: no limit of the velocity and of the acceleration is known")
+    assert one.startswith("shoulder, wrist: no limit of the acceleration is known")
+    assert robot.unlimited(["wrist"])[0].startswith("wrist: no limit of the acceleration")
+    assert CarryingRobot(Arm(URDF, "cup"), GivenLimits(GIVEN)).remarks == ()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "joint_limits: {{{}}}",
+        "/**:\n  ros__parameters:\n    robot_description_planning:\n      joint_limits: {{{}}}",
+        "robot_description_planning: {{joint_limits: {{{}}}}}",
+        "move_group: {{ros__parameters: {{other: 1, "
+        "robot_description_planning: {{joint_limits: {{{}}}}}}}}}",
+    ],
+)
+def test_limits_are_read_from_parameter_files_and_with_units_of_angles(text):
+    entry = "elbow: {max_velocity: !degrees 90, max_position: !radians 1.5}"
+    found = parse_joint_limits(text.format(entry)).joints
+    assert found == {"elbow": {"velocity": math.pi / 2, "upper": 1.5}}
+    with pytest.raises(SloshFileError, match="'fast' is no !degrees"):
+        parse_joint_limits(text.format("elbow: {max_velocity: !degrees fast}"))
+
+
 def test_shares_of_moveit_count_unless_others_are_asked_for(arm, tmp_path):
     file = tmp_path / "joint_limits.yaml"
     file.write_text(LIMITS_FILE)
@@ -286,12 +333,13 @@ def test_what_a_file_of_limits_holds_beside_them_is_named(tmp_path):
     words = "cartesian_limits", "elbow.max_snap", "elbow.has_velocity_limits (without a value)"
     assert read_joint_limits(file).unused == words
     robot = CarryingRobot(Arm(URDF, "cup"), read_joint_limits(file))
-    assert robot.remarks == (f"not used: {', '.join(words)}",)
+    assert robot.file_remarks == (f"not used: {', '.join(words)}",)
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
+        ("a: {joint_limits: {}}\nb: {joint_limits: {}}", "2 sections joint_limits"),
         ("limits: {}\n", "section joint_limits is missing"),
         ("joint_limits: {elbow: 3}\n", "joint_limits.elbow must hold limits"),
         ("joint_limits: {elbow: {max_velocity: -1}}\n", "max_velocity = -1 must be a positive"),

@@ -321,6 +321,16 @@ def test_a_query_that_is_wrong_or_reaches_out_is_refused(tmp_path, sql, told):
 
 
 @needs_duckdb
+@needs_duckdb
+def test_a_query_that_does_not_end_is_ended(tmp_path, monkeypatch):
+    store = FleetStore(str(tmp_path))
+    store.add([row(0)])
+    monkeypatch.setattr("slosh_replay.fleet.query.LONGEST", 0.2)
+    never = "SELECT count(*) FROM range(1000000) a, range(1000000) b, range(1000000) c"
+    with pytest.raises(SloshBagError, match=r"takes longer than 0\.2 s"):
+        query(store, f"{never} WHERE a.range + b.range = c.range + 0.5")
+
+
 def test_an_empty_store_says_what_to_do(tmp_path):
     with pytest.raises(SloshBagError, match="no motions are stored here; `slosh ingest BAG"):
         query(FleetStore(str(tmp_path / "absent")), "SELECT 1")

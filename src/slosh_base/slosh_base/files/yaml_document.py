@@ -6,6 +6,7 @@ numbers are those of YAML 1.2, and what is written any reader of YAML 1.1 reads 
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -92,7 +93,7 @@ class YamlDocument:
         return f"{self.where(*keys)}: {dotted(keys)}"
 
 
-def read_yaml(path: str | Path, longest: int = LONGEST) -> YamlDocument:
+def read_yaml(path: str | Path, longest: int = LONGEST, *, angles: bool = False) -> YamlDocument:
     """Reads and parses a YAML file.
 
     Raises:
@@ -102,10 +103,12 @@ def read_yaml(path: str | Path, longest: int = LONGEST) -> YamlDocument:
     >>> read_yaml("cup/model.yaml").value["container"]["shape"]
     'cylinder'
     """
-    return parse_yaml(read_text(path, longest), str(path), longest)
+    return parse_yaml(read_text(path, longest), str(path), longest, angles=angles)
 
 
-def parse_yaml(text: str, source: str, longest: int = LONGEST) -> YamlDocument:
+def parse_yaml(
+    text: str, source: str, longest: int = LONGEST, *, angles: bool = False
+) -> YamlDocument:
     """Parses a YAML text and records the line number of each key.
 
     >>> document = parse_yaml("container: {radius: 0.05}", "cup.yaml")
@@ -116,13 +119,14 @@ def parse_yaml(text: str, source: str, longest: int = LONGEST) -> YamlDocument:
         text: one document.
         source: how errors name it.
         longest: characters of the text, at most.
+        angles: whether the tags `!degrees` and `!radians` of ROS are read; as radians.
 
     Raises:
         YamlError: it is no YAML, stands for too much, or gives a key twice; one line.
     """
     try:
         check_bounds(text, longest)
-        loader: Any = _Loader(text)
+        loader: Any = (_AngleLoader if angles else _Loader)(text)
         try:
             root = loader.get_single_node()
             if root is None:
@@ -196,6 +200,22 @@ class _Loader(SAFE_LOADER):
 
 read_numbers(_Loader)
 _Loader.add_constructor(INT_TAG, _Loader.construct_whole)
+
+
+class _AngleLoader(_Loader):
+    """Loader that also reads angles with a unit, as xacro does: `!degrees 90`."""
+
+    def construct_degrees(self, node: yaml.ScalarNode) -> float:
+        """Converts an angle from degrees to radians."""
+        return math.radians(float(node.value))
+
+    def construct_radians(self, node: yaml.ScalarNode) -> float:
+        """Returns an angle in radians."""
+        return float(node.value)
+
+
+_AngleLoader.add_constructor("!degrees", _AngleLoader.construct_degrees)
+_AngleLoader.add_constructor("!radians", _AngleLoader.construct_radians)
 
 
 def _check_keys(source: str, node: Any, keys: KeyPath, seen: set[int]) -> None:

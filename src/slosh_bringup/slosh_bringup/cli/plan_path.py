@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from slosh_base.types import Array
 from slosh_bringup.cli import quantities
 from slosh_bringup.cli.table_options import table_options
 from slosh_bringup.cli.teller import Teller
@@ -128,9 +127,11 @@ def _of_joints(arguments: argparse.Namespace, model: Model, tell: Teller) -> Ask
     path = robot.path(given, model.container, name)
     unknown = [joint for joint, has in zip(given.names, arm.known(given.names), strict=True)
                if not has]  # fmt: skip
-    for remark in _remarks(unknown, robot.limits(given.names).acceleration, given.names):
-        tell(f"{name}: {remark}")
-    for remark in robot.remarks:
+    if unknown:
+        tell(f"{name}: {', '.join(unknown)}: not in the URDF, carried along without limits")
+    for remark in robot.unlimited(given.names):
+        tell(f"{name}: {remark} (--joint-limits)")
+    for remark in robot.file_remarks:
         tell(f"{arguments.joint_limits}: {remark}")
     held = robot.held(given.names)
     if held:
@@ -138,16 +139,3 @@ def _of_joints(arguments: argparse.Namespace, model: Model, tell: Teller) -> Ask
     places, _ = arm.poses(given.names, given.position)
     waypoints = Waypoints(given.t, places, None)
     return AskedPath(name, path, waypoints, given.names, robot.given.shares)
-
-
-def _remarks(unknown: list[str], acceleration: Array, joints: tuple[str, ...]) -> list[str]:
-    remarks = []
-    if unknown:
-        remarks.append(f"{', '.join(unknown)}: not in the URDF, carried along without limits")
-    free = [joint for joint, limit in zip(joints, acceleration, strict=True)
-            if joint not in unknown and not np.isfinite(limit)]  # fmt: skip
-    if free:
-        remarks.append(
-            f"{', '.join(free)}: no limit of the acceleration is known; --joint-limits gives it"
-        )
-    return remarks

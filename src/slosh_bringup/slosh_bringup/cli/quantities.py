@@ -70,7 +70,8 @@ class Quantity:
         return value
 
     def _check(self, value: float, far: float = 1.0) -> None:
-        least, most = far * self.least, far * self.most
+        least = self.least / far if self.least > 0.0 else far * self.least
+        most = far * self.most
         if least <= value <= most:
             return
         unit = self.mistaken

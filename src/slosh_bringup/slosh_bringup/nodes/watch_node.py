@@ -238,10 +238,6 @@ def main() -> int:
     return run_node(WatchNode)
 
 
-if __name__ == "__main__":
-    sys.exit(main())
-
-
 class OtherCells:
     """Finds cells by their SloshComparison topics and receives the newest messages of each.
 
@@ -314,3 +310,7 @@ class OtherCells:
                 self._subscribe(NodeSettings, settings, qos.EVENT),
             )
         self.cells.keep(found)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

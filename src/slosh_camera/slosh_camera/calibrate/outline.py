@@ -65,6 +65,8 @@ class _Line:
         line: how much of it shows, 0 to 1.
         of_inside: the same as a part of what shows of the clearest line within the surface.
         above: strength of the strongest line in the glass above, over its own.
+        within: its strongest row lies where the level can be. Otherwise it is the flank of a line
+            that is out of reach, e.g. of a ring or of a level near a foot that hides the sides.
     """
 
     height: float
@@ -74,6 +76,7 @@ class _Line:
     line: float
     of_inside: float
     above: float
+    within: bool
 
 
 def find_outline(
@@ -190,10 +193,11 @@ def _level(edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace) ->
         SloshCameraError: two do.
     """
     cup, heights = view.cup, strip.heights
-    line, strength, rivals, in_glass = _strengths(edges, view, strip, place)
-    found = []
-    for index in _peaks(strength, heights, TUNING.peaks_apart * cup.radius):
+    line, strength, rivals, in_glass, anywhere = _strengths(edges, view, strip, place)
+    found, apart = [], TUNING.peaks_apart * cup.radius
+    for index in _peaks(strength, heights, apart):
         height = float(heights[index])
+        out_of_reach = (np.abs(heights - height) < apart) & (strength == 0.0)
         rear = float(rear_above(cup, place, height))
         slack = TUNING.one_line * cup.radius
         low, high = height + min(rear, 0.0) - slack, height + max(rear, 0.0) + slack
@@ -207,6 +211,7 @@ def _level(edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace) ->
                 float(line[index]),
                 float(line[index] / line[inside].max()),
                 float(np.max(in_glass, initial=0.0, where=heights > high) / strength[index]),
+                bool(np.max(anywhere, initial=0.0, where=out_of_reach) <= strength[index]),
             )
         )
     if not found:
@@ -215,7 +220,8 @@ def _level(edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace) ->
     whole = [
         one
         for one in found
-        if one.beats >= 1.0 / TUNING.rival
+        if one.within
+        and one.beats >= 1.0 / TUNING.rival
         and one.of_inside >= TUNING.of_inside
         and one.above < TUNING.rival
     ]
@@ -244,13 +250,13 @@ def _foremost(one: _Line, lines: list[_Line], reach: float) -> float:
 
 def _strengths(
     edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Returns for each wall height how much of a line is there and how like a level it looks.
 
     Returns:
         How much of a line is there; how much it looks like the level, where that can be; the same
-        where it may be if the fill height was told too roughly; and wherever there is glass above
-        and below.
+        where it may be if the fill height was told too roughly; wherever there is glass above and
+        below; and anywhere.
     """
     cup, heights = view.cup, strip.heights
     fill = cup.fill_height
@@ -285,6 +291,7 @@ def _strengths(
         np.where(likely, strength, 0.0),
         np.where(allowed, strength, 0.0),
         in_glass,
+        level_like(line, changes, float(change.max())),
     )
 
 

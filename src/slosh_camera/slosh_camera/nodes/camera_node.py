@@ -321,10 +321,6 @@ def main() -> int:
     return run_node(lambda: CameraNode(later=True))
 
 
-if __name__ == "__main__":
-    sys.exit(main())
-
-
 class NewestImage:
     """Image subscription that drops all waiting images except the newest.
 
@@ -416,3 +412,7 @@ class FrameGaps:
             return 0.0
         # The lower quartile: right as long as three of four gaps may be due to losses.
         return float(sorted(self._intervals)[len(self._intervals) // 4])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

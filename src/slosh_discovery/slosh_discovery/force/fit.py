@@ -189,24 +189,50 @@ def directions(rigid: Array) -> Array:
     return np.asarray((kept * signs[:, None]).T)
 
 
+class _Following(NamedTuple):
+    """How a rigid body's force follows a motion: residual [N], delay [s], axes (k, 3)."""
+
+    left: float
+    delay: float
+    axes: Array
+
+
+def _following(data: PreparedForce, rigid: Array, across: Array) -> _Following:
+    """Returns the best of all delays of the sensor."""
+    span, step = TUNING.delay_span, TUNING.delay_step
+    found = []
+    for delay in np.arange(-span, span + 0.5 * step, step):
+        columns = np.hstack([data.at(rigid @ across, float(delay)), data.offsets])[data.usable]
+        solved, *_ = np.linalg.lstsq(columns, data.force[data.usable], rcond=None)
+        left = float(np.linalg.norm(columns @ solved - data.force[data.usable]))
+        axes = np.asarray(solved[: across.shape[1]], dtype=np.float64)
+        found.append(_Following(left, float(delay), axes))
+    return min(found, key=lambda one: one.left)
+
+
 def _rigid(data: PreparedForce, rigid: Array, across: Array) -> tuple[float, Array]:
     """Fits the force sensor's delay [s] and axes (columns), as if the liquid were a rigid body."""
     span, step = TUNING.delay_span, TUNING.delay_step
-    best: tuple[float, float, Array] | None = None
     total = np.linalg.norm((data.force - np.median(data.force, axis=0))[data.usable])
-    for delay in np.arange(-span, span + 0.5 * step, step):
-        columns = np.hstack([data.at(rigid @ across, float(delay)), data.offsets])[data.usable]
-        found, *_ = np.linalg.lstsq(columns, data.force[data.usable], rcond=None)
-        left = float(np.linalg.norm(columns @ found - data.force[data.usable]))
-        if best is None or left < best[0]:
-            best = left, float(delay), np.asarray(found[: across.shape[1]], dtype=np.float64)
-    assert best is not None
-    if abs(best[1]) > span - 2.0 * step or best[0] > 0.7 * total:
+
+    def unlike(one: _Following) -> bool:
+        return bool(abs(one.delay) > span - 2.0 * step or one.left > TUNING.unlike * total)
+
+    best = _following(data, rigid, across)
+    if data.inputs.attitude is not None:
+        fixed = data.below_cutoff(data.inputs.acceleration)
+        other = _following(data, fixed, directions(fixed))
+        if not unlike(other) and (unlike(best) or other.left < TUNING.fixed_axes * best.left):
+            raise SloshDiscoveryError(
+                "the force follows the motion in axes that do not turn with the container: it is "
+                "given in the axes of the robot's base; record it in the sensor's own axes"
+            )
+    if unlike(best):
         raise SloshDiscoveryError(
             f"the force does not follow the motion at any delay up to {span:g} s: another motion, "
             "an unrelated clock or another sensor's topic"
         )
-    return best[1], _orthonormal(best[2].T)
+    return best.delay, _orthonormal(best.axes.T)
 
 
 def _orthonormal(matrix: Array) -> Array:

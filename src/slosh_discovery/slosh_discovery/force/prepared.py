@@ -36,6 +36,7 @@ class PreparedForce:
         moving: (n,) whether the container moves.
         offsets: (n, L) what the sensor's zero may follow: constant, drift, a step per motion.
         band: second-order sections of the low-pass filter.
+        gain: factor by which sparse samples of force and motion lower the wave's force, at least.
         notes: what was left out, a sentence each.
     """
 
@@ -47,6 +48,7 @@ class PreparedForce:
     moving: Mask
     offsets: Array
     band: Array
+    gain: float
     notes: tuple[str, ...]
 
     def below_cutoff(self, values: Array) -> Array:
@@ -68,6 +70,8 @@ def prepared(record: ForceRecord, model: Model) -> PreparedForce:
     """
     frequency = model.mode_frequency(1) / (2.0 * math.pi)
     t, force, notes = _checked(record)
+    t, force = renewed(t, force, notes)
+    gain = _sampling_gain(record, t, frequency, notes)
     inputs = _on_grid(record, t, frequency)
     drive = _drive(record.name, inputs)
     moving = _moving(record.name, drive)
@@ -75,7 +79,14 @@ def prepared(record: ForceRecord, model: Model) -> PreparedForce:
     filled = np.column_stack([np.interp(grid, t, column) for column in force.T])
     usable = _measured(record.name, t, grid, notes)
     saturated = _saturated(record.name, force, notes)
-    usable &= ~(np.interp(grid, t, saturated.astype(np.float64)) > 0.0)
+    hidden = np.interp(grid, t, saturated.astype(np.float64)) > 0.0
+    share = float(np.mean(hidden[moving]))
+    if share > TUNING.most_hidden:
+        raise SloshDiscoveryError(
+            f"{record.name}: the sensor is clipped during {100.0 * share:.0f} % of the motion: "
+            f"{notes[-1].partition(':')[0]}; take a sensor with a larger range, or move slower"
+        )
+    usable &= ~hidden
     cutoff = TUNING.cutoff * frequency
     smear = round(TUNING.rate / cutoff)
     usable = ~binary_dilation(~usable, iterations=smear) if not usable.all() else usable
@@ -87,7 +98,7 @@ def prepared(record: ForceRecord, model: Model) -> PreparedForce:
     slow = np.asarray(sosfiltfilt(band, filled, axis=0), dtype=np.float64)
     return PreparedForce(
         inputs, drive, slow[rows], rows, usable[rows], moving[rows],
-        _offsets(moving)[rows], band, tuple(notes),
+        _offsets(moving)[rows], band, gain, tuple(notes),
     )  # fmt: skip
 
 
@@ -112,6 +123,55 @@ def _checked(record: ForceRecord) -> tuple[Array, Array, list[str]]:
             f"{name}: the force never changes: the sensor is dead, or the wrong topic was read"
         )
     return t, force, notes
+
+
+def renewed(t: Array, force: Array, notes: list[str]) -> tuple[Array, Array]:
+    """Leaves out the repeats of a force that is sent more often than it is measured.
+
+    Held values are stairs to a fit, and at their peaks look like a saturated sensor.
+
+    Args:
+        t, force: (K,) [s] and (K, 3) [N].
+        notes: gets a sentence where values are left out.
+    """
+    fresh = np.concatenate([[True], np.diff(force, axis=0).any(axis=1)])
+    begins = np.flatnonzero(fresh)
+    runs = np.diff(begins)
+    if len(runs) < 2:
+        return t, force
+    short, usual, long = np.quantile(runs, [0.25, 0.5, 0.75])
+    if usual < 2 or long - short > 1:  # of a coarse sensor, which stands still at rest
+        return t, force
+    # A value that stayed the same by chance was measured again at its time.
+    since = np.arange(len(t)) - begins[np.cumsum(fresh) - 1]
+    kept = since % round(float(usual)) == 0
+    own, sent = 1.0 / np.median(np.diff(t[kept])), 1.0 / np.median(np.diff(t))
+    notes.append(
+        f"the force is measured at {own:.4g} Hz and sent at {sent:.4g} Hz: its repeats are left "
+        "out"
+    )
+    return t[kept], force[kept]
+
+
+def _sampling_gain(record: ForceRecord, t: Array, frequency: float, notes: list[str]) -> float:
+    """Returns the factor of the wave's force that linear interpolation leaves, at least.
+
+    Between samples at the rate r it is sinc²(f/r) for a wave of the frequency f [Hz].
+    """
+    gain, enough = 1.0, math.ceil(TUNING.samples_per_wave * frequency)
+    for what, times in (("force", t), ("motion", record.inputs.t)):
+        rate = 1.0 / float(np.median(np.diff(times)))
+        remedy = f"the wave has {frequency:.3g} Hz: record the {what} at {enough} Hz or more"
+        if rate < TUNING.least_samples * frequency:
+            raise SloshDiscoveryError(f"{record.name}: the {what} has {rate:.3g} Hz and {remedy}")
+        own = float(np.sinc(frequency / rate)) ** 2
+        if own < TUNING.least_gain:
+            notes.append(
+                f"the {what} has {rate:.3g} Hz and {remedy}; the sloshing mass may be up to "
+                f"{100.0 * (1.0 / own - 1.0):.0f} % wrong, which its interval contains"
+            )
+        gain = min(gain, own)
+    return gain
 
 
 def _on_grid(record: ForceRecord, t: Array, frequency: float) -> Inputs:

@@ -28,10 +28,18 @@ class ForceTuning:
     longest_gap: float = number(0.1, "s", "a longer interval without a force is a gap")
     flat: int = number(6, "1", "equal extreme values in a row that show saturation")
     flat_share: float = number(0.2, "1", "part of the peak above which they do")
+    most_hidden: float = number(
+        0.3, "1", "clipped part of the motion's time that tells too little"
+    )
+    least_samples: float = number(2.5, "1", "samples of a wave below which it is not seen")
+    samples_per_wave: float = number(11.0, "1", "samples of a wave that are enough")
+    least_gain: float = number(0.97, "1", "gain of sampling below which it is named")
     least_periods: float = number(5.0, "1", "shortest record, in natural periods")
     tilt: float = number(0.26, "rad", "largest tilt of the container")
     # fit.py
     delay_span: float = number(0.5, "s", "largest delay of the sensor")
+    fixed_axes: float = number(0.7, "1", "residual in fixed axes, of that in turned ones")
+    unlike: float = number(0.7, "1", "residual, of the force, that does not follow a motion")
     delay_step: float = number(0.004, "s", "distance of the delays tried first")
     frequency_span: float = number(1.3, "1", "largest ratio of measured and model's frequency")
     frequency_trials: int = number(27, "1", "natural frequencies tried first")

@@ -52,7 +52,11 @@ def identify_force(record: ForceRecord, model: Model) -> ForceIdentification:
     expected = model.container.mass_ratio(1, axis) * model.container.volume
     expected *= model.liquid.density
     unit = likely_unit(mass, expected)
-    notes = [*data.notes, *_mass_notes(unit, mass * UNITS[unit], expected)]
+    # A mass that sparse samples lower says nothing about fill height or unit.
+    told = [] if data.gain < TUNING.least_gain and unit == NEWTON else _mass_notes(
+        unit, mass * UNITS[unit], expected
+    )  # fmt: skip
+    notes = [*data.notes, *told]
     return _result(record, model, data, fit, axis, share * UNITS[unit], expected, unit, notes)
 
 
@@ -98,6 +102,9 @@ def _result(
     frequency, damping = values[FREQUENCY], values[DAMPING]
     known = fit.problem.start
     alpha = fit.problem.stiffness
+    # What lies between the samples lowers the wave's force, at most by the gain.
+    unseen = (1.0 / data.gain - 1.0) * float(fit.linear.values[1])
+    mass_error = math.hypot(_error(fit, -1), unseen)
     measured = data.force @ fit.problem.sensor
     return ForceIdentification(
         name=record.name,
@@ -109,9 +116,11 @@ def _result(
             1, damping, damping * _error(fit, 1), known[DAMPING]
         ),
         sloshing_mass=_with_model_error(
-            2, float(fit.linear.values[1]) * scale, _error(fit, -1) * scale, expected
+            2, float(fit.linear.values[1]) * scale, mass_error * scale, expected
         ),
-        payload=Measured(float(fit.linear.values[0]) * newton, _error(fit, -2) * newton),
+        payload=Measured(
+            float(fit.linear.values[0]) * newton, math.hypot(_error(fit, -2), unseen) * newton
+        ),
         delay=Measured(float(fit.vector[2]), _error(fit, 2)),
         directions=_directions(fit.problem.across, fit.problem.sensor),
         stiffness=None if alpha is None else Measured(

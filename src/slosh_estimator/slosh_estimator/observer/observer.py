@@ -360,15 +360,12 @@ def _noise() -> Array:
     return noise
 
 
-# Wave amplitude from the newest heights measured at one place, without the observer.
-#
-# A camera that tells a maximum but not where may see a part of the wall alone. The filter takes
-# such a height for the highest of all: where the crest is elsewhere, the lower ones pull its
-# wave down. The heights themselves go on to swing, and that is no calm liquid.
-
-
 class ShownWave:
     """Wave amplitude from the root mean square of the newest heights about the still level.
+
+    A camera that tells a maximum but not where may see a part of the wall alone. The filter takes
+    such a height for the highest of all: where the crest is elsewhere, the lower ones pull its
+    wave down. The heights themselves go on to swing, and that is no calm liquid.
 
     The noise of the heights is taken off by their differences, in which a wave is small.
     """

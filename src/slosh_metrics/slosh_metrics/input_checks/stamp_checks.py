@@ -20,6 +20,7 @@ from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_metrics.tuning import TUNING
 
 _DAY = 86_400.0
+_REMEDY = "let the driver stamp each message with the time of measurement"
 
 
 class _Clock(NamedTuple):
@@ -51,9 +52,6 @@ def stamp_doubts(stamps: Integers, logs: Integers, noun: str) -> tuple[InputDoub
     if abs(rate - 1.0) > TUNING.clock_rate and _grows_evenly(clock):
         return (_rate_doubt(rate, clock, noun, apart=apart),)
     return () if apart else _step_doubt(clock, noun)
-
-
-_REMEDY = "let the driver stamp each message with the time of measurement"
 
 
 def _rate_doubt(rate: float, clock: _Clock, noun: str, *, apart: bool) -> InputDoubt:

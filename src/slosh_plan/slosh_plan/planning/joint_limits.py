@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -106,12 +106,12 @@ def limits_of(
 
 
 def read_joint_limits(path: Path) -> GivenLimits:
-    """Reads MoveIt's joint_limits.yaml.
+    """Reads MoveIt's joint_limits.yaml, also as a ROS 2 parameter file or with `!degrees`.
 
     Raises:
         SloshFileError, SloshPlanError: no such file, a limit that is no positive number.
     """
-    return _joint_limits(read_yaml(path).value, str(path))
+    return _joint_limits(read_yaml(path, angles=True).value, str(path))
 
 
 def parse_joint_limits(text: str, source: str = "joint_limits.yaml") -> GivenLimits:
@@ -120,11 +120,12 @@ def parse_joint_limits(text: str, source: str = "joint_limits.yaml") -> GivenLim
     Raises:
         SloshFileError, SloshPlanError: as `read_joint_limits`.
     """
-    return _joint_limits(parse_yaml(text, source).value, source)
+    return _joint_limits(parse_yaml(text, source, angles=True).value, source)
 
 
 def _joint_limits(document: Any, source: str) -> GivenLimits:
-    section = document.get(SECTION) if isinstance(document, Mapping) else None
+    document = _planning_part(document, source)
+    section = document.get(SECTION)
     if not isinstance(section, Mapping):
         raise SloshPlanError(f"{source}: the section {SECTION} is missing")
     shares = {
@@ -140,6 +141,26 @@ def _joint_limits(document: Any, source: str) -> GivenLimits:
         unused += [f"{joint}.{key}" for key in entry if key not in _ENTRY_KEYS]
         unused += [f"{joint}.{key} (without a value)" for key in _without_value(entry)]
     return GivenLimits(joints, shares, tuple(unused))
+
+
+def _planning_part(document: Any, source: str) -> Mapping[str, Any]:
+    """Returns the part of a document that holds the limits, as in a ROS 2 parameter file."""
+    found = list(_sections(document))
+    if len(found) > 1:
+        raise SloshPlanError(
+            f"{source}: {len(found)} sections {SECTION}: keep those of one robot in the file"
+        )
+    return found[0] if found else {}
+
+
+def _sections(document: Any) -> Iterator[Mapping[str, Any]]:
+    """Yields the mappings that hold limits, below any names of nodes and parameters."""
+    if isinstance(document, Mapping):
+        if SECTION in document:
+            yield document
+        else:
+            for inner in document.values():
+                yield from _sections(inner)
 
 
 def _without_value(entry: Mapping[str, Any]) -> list[str]:

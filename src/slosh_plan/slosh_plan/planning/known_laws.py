@@ -261,6 +261,11 @@ def _between(shorter: float, longer: float) -> list[float]:
 
 def shortest(make: Make, limits: PlanLimits) -> float:
     """Returns the shortest duration [s] that the limits of speed, acceleration and jerk allow."""
+    return max(shortest_by_limit(make, limits).values())
+
+
+def shortest_by_limit(make: Make, limits: PlanLimits) -> dict[str, float]:
+    """Returns the shortest duration [s] that each limit but those of the liquid allows."""
     trial = 2.0
     motion = make(trial, STEP)
     acceleration = float(np.linalg.norm(motion.acceleration, axis=1).max())
@@ -268,11 +273,14 @@ def shortest(make: Make, limits: PlanLimits) -> float:
     jerk = float(steps.max()) / motion.step
     joints = {} if motion.joints is None else motion.joints.shares(motion.step)
     share = {name: used / float(getattr(limits, name)) for name, used in joints.items()}
-    return trial * max(
-        math.sqrt(max(acceleration / limits.acceleration, share.get("joint_acceleration", 0.0))),
-        math.cbrt(max(jerk / limits.jerk, share.get("joint_jerk", 0.0))),
-        share.get("joint_velocity", 0.0),
-    )
+    times = {
+        "acceleration": math.sqrt(acceleration / limits.acceleration),
+        "jerk": math.cbrt(jerk / limits.jerk),
+        "velocity of the joints": share.get("joint_velocity", 0.0),
+        "acceleration of the joints": math.sqrt(share.get("joint_acceleration", 0.0)),
+        "jerk of the joints": math.cbrt(share.get("joint_jerk", 0.0)),
+    }
+    return {name: trial * time for name, time in times.items()}
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,7 +30,14 @@ from slosh_plan.planning.checked import (
 )
 from slosh_plan.planning.final_check import Kept, broken
 from slosh_plan.planning.given_law import all_laws
-from slosh_plan.planning.known_laws import LONGEST, Check, Scaled, TimeLaw, best_scaled
+from slosh_plan.planning.known_laws import (
+    LONGEST,
+    Check,
+    Scaled,
+    TimeLaw,
+    best_scaled,
+    shortest_by_limit,
+)
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import StoppedError, Watch
@@ -247,6 +254,15 @@ def fastest_law(
         return scaled
     if watch.stopped():
         raise StoppedError("stopped before a safe motion was found")
+    least = [shortest_by_limit(law.motion, limits) for law in laws.values()]
+    quickest = min(least, key=lambda times: max(times.values()), default={})
+    binding = max(quickest, key=lambda name: quickest[name], default="")
+    if binding and quickest[binding] >= LONGEST:
+        raise NoSafeMotionError(
+            f"the limit of the {binding} asks for {quickest[binding]:.4g} s along the path, and "
+            f"motions of {LONGEST:g} s or more are not planned: give a shorter path, or another "
+            "limit"
+        )
     raise NoSafeMotionError(
         f"no motion of up to {LONGEST:g} s along the path keeps "
         f"{1e3 * limits.height:.3g} mm, afterwards {1e3 * limits.residual:.3g} mm, "

@@ -16,6 +16,7 @@ from slosh_plan.joints import Arm
 from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.planning.waypoints import JointWaypoints
 from slosh_plan.trajectory import Trajectory
+from slosh_plan.tuning import TUNING
 from slosh_tables.text_table.options import FOUND_OUT, TableOptions
 from slosh_tables.text_table.reading import TextTable, read_table
 
@@ -39,6 +40,8 @@ def read_joint_table(path: Path, arm: Arm, options: TableOptions = FOUND_OUT) ->
 
     def used(table: TextTable) -> float:
         places = np.column_stack([table.column(name) for name in _joints(table)])
+        if np.linalg.norm(np.ptp(places, axis=0)) <= TUNING.same:
+            return np.inf  # what stands still says nothing about the unit
         steps = np.abs(np.diff(places, axis=0))
         times = np.diff(table.column("t"))[:, None]
         most = arm.limits(_joints(table))["velocity"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import threading
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
@@ -24,6 +25,8 @@ QUALIFY row_number() OVER
 """Queries of the parts of a store, by their names in Parted."""
 MOST_ROWS, MOST_BYTES = 1_000_000, 500_000_000
 """Rows of a result and the length of its texts, at most."""
+LONGEST: Final = 300.0
+"""How long a query may take [s]."""
 _MEMORY: Final = 0.25
 """Share of this machine's memory that a query may take."""
 
@@ -102,11 +105,22 @@ class MotionTable:
         while True:
             try:
                 self._connection = self._connection or self._open()
-                return self._result(sql, values)
+                timer = threading.Timer(LONGEST, self._connection.interrupt)
+                timer.daemon = True
+                timer.start()
+                try:
+                    return self._result(sql, values)
+                finally:
+                    timer.cancel()
             except (MemoryError, self._duckdb.OutOfMemoryException):
                 raise SloshBagError(
                     f"query: takes more than {_memory() / 1e9:.1f} GB of memory; ask for fewer "
                     "rows or groups, or add LIMIT"
+                ) from None
+            except self._duckdb.InterruptException:
+                raise SloshBagError(
+                    f"query: takes longer than {LONGEST:g} s; ask for fewer rows, or join the "
+                    "table by a condition"
                 ) from None
             except self._wrong as error:
                 raise _named(error) from None

@@ -33,7 +33,6 @@ from slosh_estimator.inputs import (
     WantedInput,
 )
 from slosh_estimator.joint_poses import JointPoses
-from slosh_estimator.mounting import rotated
 from slosh_estimator.placed_accel import PlacedAccel, PlacedAcceleration
 from slosh_estimator.timed_pose import TimedPose
 from slosh_estimator.transform_poses import Transform, TransformPoses
@@ -243,10 +242,7 @@ def _by_right_part(reader: BagReader, sources: Sources, how: InputSettings) -> I
         columns = reader.columns(block, names)
         rows = np.column_stack([columns[name] for name in names[3:]]).tolist()
         for stamp, row in zip(stamps_of(columns).tolist(), rows, strict=True):
-            twist = twist_of(stamp, row, "")
-            if twist.attitude is not None and twist.position is not None:
-                turned = rotated(twist.attitude, twist.linear)
-                check.take(stamp, twist.position, turned, twist.linear)
+            twist_of(stamp, row, "").compare(check)
         if check.pose_tells:
             return how._replace(odometry=BY_POSE)
     return how

@@ -223,14 +223,11 @@ def _below(value: float, lower: float | None) -> bool:
     return lower is not None and value < lower
 
 
-# Data and scripts for interactive charts over time.
-#
-# It shows the values at a moment, and a closer look at a span that is marked, drawn by uPlot.
-
-
 @dataclass(frozen=True, slots=True)
 class Row:
     """A line in an interactive chart: name, colour, values and style.
+
+    It shows the values at a moment, and a closer look at a span that is marked, drawn by uPlot.
 
     Attributes:
         name: in the chart's key.
