@@ -39,6 +39,8 @@ PAYLOAD = {
 }  # fmt: skip
 NONE = Tally("none").result()
 CELL, STEP_NS, COUNT = "/slosh", 4_000_000, 400
+STATE_EVERY = 64
+"""Inputs from one state of the estimator to the next."""
 
 
 @pytest.fixture(scope="module")
@@ -135,7 +137,7 @@ def test_each_process_gives_the_same_again(bag: Path) -> None:
         assert found.verified[name].exact, found.verified[name].lines()
 
 
-def test_a_message_that_was_not_recorded_ends_the_comparison_and_is_named(
+def test_a_message_that_was_not_recorded_is_named_and_ends_the_comparison_until_a_state(
     bag: Path, tmp_path: Path
 ) -> None:
     lost = f"{CELL}/{topics.ACCEL}"
@@ -146,10 +148,56 @@ def test_a_message_that_was_not_recorded_ends_the_comparison_and_is_named(
     first = next(one for one in found.processes if one.node == "estimator")
     assert first.lacking == f"a message on {lost}"
     compared = found.verified[topics.ESTIMATE]
-    assert compared.identical >= COUNT + 99
     assert compared.identical == compared.recorded
     assert not compared.missing
     assert compared.unchecked == {UNTAKEN: 2 * COUNT - compared.identical}
+    assert compared.identical >= 2 * COUNT - STATE_EVERY
+    for name in (topics.FUSED_ESTIMATE, topics.CALM, topics.COMPARISON):
+        one = found.verified[name]
+        assert one.identical == one.recorded, one.lines()
+        assert not one.missing, one.lines()
+    fused = found.verified[topics.FUSED_ESTIMATE]
+    whole = replay_journals(bag).verified[topics.FUSED_ESTIMATE].recorded
+    assert sum(fused.unchecked.values()) + fused.recorded == whole
+    assert fused.recorded > 0.6 * whole
+
+
+def test_a_recording_from_the_middle_of_a_run_is_compared_from_the_first_state_on(
+    bag: Path, tmp_path: Path
+) -> None:
+    """Of the first process the recorder missed the first journals, and of all inputs a part."""
+    journals = f"{CELL}/{topics.JOURNAL}"
+    mine = [m for m in BagReader(bag).messages({journals}) if _journal(m).node == "estimator"]
+    lost, accel = mine[0].data, f"{CELL}/{topics.ACCEL}"
+
+    def late(k: int, message: BagMessage) -> bytes | None:
+        return (
+            None if message.data == lost or (message.topic == accel and k < 40) else message.data
+        )
+
+    found = replay_journals(copied(bag, tmp_path / "bag", late))
+    first = next(one for one in found.processes if one.node == "estimator")
+    assert first.lacking == "the beginning of its journal"
+    assert not found.mixed
+    for name in (topics.ESTIMATE, topics.FUSED_ESTIMATE, topics.CALM, topics.ESTIMATOR_STATE):
+        one = found.verified[name]
+        assert one.identical == one.recorded, one.lines()
+        assert not one.missing, one.lines()
+        assert sum(one.unchecked.values()) > 0
+    estimates = found.verified[topics.ESTIMATE]
+    assert estimates.recorded > COUNT + 100
+    assert estimates.recorded + sum(estimates.unchecked.values()) == 2 * COUNT
+
+
+def test_two_processes_of_one_node_at_once_are_told(bag: Path, tmp_path: Path) -> None:
+    """The second one's journals come between those of the first one."""
+    journals = f"{CELL}/{topics.JOURNAL}"
+    mine = [m for m in BagReader(bag).messages({journals}) if _journal(m).node == "estimator"]
+    second = next(k for k, m in enumerate(mine) if k and not _journal(m).first)
+    order = [*mine[: second - 1], mine[second], mine[second - 1], *mine[second + 1 :]]
+    moved = {one.data: other.data for one, other in zip(mine, order, strict=True)}
+    kept = copied(bag, tmp_path / "bag", lambda k, m: moved.get(m.data, m.data))
+    assert replay_journals(kept).mixed == ("estimator",)
 
 
 def test_a_part_of_the_journal_that_was_not_recorded_is_named(bag: Path, tmp_path: Path) -> None:

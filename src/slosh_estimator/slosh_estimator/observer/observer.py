@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from slosh_base.types import Array
+from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.estimate_kernel import MAX_STEP
 from slosh_estimator.observer import layout
 from slosh_estimator.observer import observer_kernel as kernel
@@ -104,6 +105,11 @@ class Observer:
         self._anchored_at = 0.0
 
     @property
+    def newest_ns(self) -> int:
+        """Stamp of the last input [ns]; long ago: there was none."""
+        return self._newest_ns
+
+    @property
     def taken(self) -> int:
         """Number of measurements that were processed, whether they were used or rejected."""
         return sum(self.counts.values())
@@ -155,7 +161,7 @@ class Observer:
         return self._state()
 
     def state(self) -> ObserverState:
-        """Returns the complete state of the observer."""
+        """Returns the complete state of the observer, which `take_up` restores."""
         kept = [self._ring[k % len(self._ring)] for k in range(self._first, self._count)]
         return ObserverState(
             self._newest_ns, self._epoch_ns or 0, self._corrected_ns, self._judged_ns,
@@ -163,6 +169,31 @@ class Observer:
             self._theta.copy(), self._covariance.ravel().copy(), self._blocks.ravel().copy(),
             np.concatenate(kept), self.sensed, self._sensed_ns,
         )  # fmt: skip
+
+    def take_up(self, state: ObserverState) -> None:
+        """Restores the state of another observer that has the same model.
+
+        Raises:
+            SloshEstimatorError: the state is one of another model or version; nothing changes.
+        """
+        pairs = (
+            (self._store, state.model), (self._theta, state.parameters),
+            (self._covariance.ravel(), state.covariance), (self._blocks.ravel(), state.changes),
+        )  # fmt: skip
+        rows, left = divmod(len(state.past), self._ring.shape[1])
+        fits = all(own.shape == given.shape for own, given in pairs)
+        if not fits or left or not 0 < rows <= len(self._ring):
+            raise SloshEstimatorError("the saved state is one of an observer of another model")
+        for own, given in pairs:
+            own[:] = given
+        self._ring[:rows] = state.past.reshape(rows, -1)
+        self._first, self._count = 0, rows
+        self.counts = dict(zip(Outcome, state.counts, strict=True))
+        self._epoch_ns, self._newest_ns = state.first_ns, state.stamp_ns
+        self._given_ns, self._corrected_ns = state.stamp_ns, state.corrected_ns
+        self._judged_ns, self._rejected = state.judged_ns, state.rejected
+        self._anchored_at = state.anchored_at
+        self.sensed, self._sensed_ns = state.sensed, state.sensed_ns
 
     def _step(self, sample: Sample, now: float) -> bool:
         """Advances the model; returns False if it left the physical range."""

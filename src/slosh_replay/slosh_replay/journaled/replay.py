@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections import defaultdict, deque
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -12,18 +12,20 @@ from typing import Any, Final, NamedTuple
 
 from slosh_bag.reader import BagMessage, BagReader
 from slosh_base.files.nanoseconds import SECOND
-from slosh_estimator.inputs import ROBOT
+from slosh_estimator.held_container import EMPTY
+from slosh_estimator.inputs import CHAINED_SINCE, PLACED, ROBOT
 from slosh_estimator.nodes.estimator_node import EstimatorNode
 from slosh_estimator.nodes.monitor_node import MonitorNode
 from slosh_estimator.nodes.sensor_node import PAYLOAD, SensorNode
 from slosh_model.tray import TRAY
+from slosh_msgs.msg import Calm, EstimatorState, ObserverState
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.guarded import GuardedNode
-from slosh_msgs_py.node.journal import BEGIN, START
-from slosh_msgs_py.node.offline import Place, Taken, replayed
+from slosh_msgs_py.node.offline import Place
 from slosh_replay.journaled.outputs import ComparedOutput, Recorded
+from slosh_replay.journaled.process import LONG_AGO, Process, State
 from slosh_replay.journaled.taken import ProcessNotes, RecentMessages, begun_ns
-from slosh_replay.recording.settings import NodeStart, read_starts
+from slosh_replay.recording.settings import NodeStart, last_of_each, read_starts
 from slosh_replay.replay.verification import Tally, Verification
 
 
@@ -35,12 +37,16 @@ class Row(NamedTuple):
         arguments: of the class.
         compared: types of those of its messages that must come out again.
         files: parameters that are set to a file with a recorded text, by the text's name.
+        states: that it publishes; each is taken up behind those before it.
+        fixed: parameters that a node has found; with one it cannot begin in the middle of a run.
     """
 
     node: type[GuardedNode]
     arguments: Mapping[str, Any]
     compared: frozenset[str]
     files: Mapping[str, str] = MappingProxyType({})
+    states: tuple[State, ...] = ()
+    fixed: tuple[str, ...] = ()
 
 
 _TYPES = {row.name: row.type for row in topics.TOPICS}
@@ -51,25 +57,36 @@ def types_of(*names: str) -> frozenset[str]:
     return frozenset(_TYPES[name] for name in names)
 
 
+_STATES = (
+    State(
+        topics.ESTIMATOR_STATE, EstimatorState,
+        types_of(topics.ESTIMATE, topics.EXPECTED_READING, topics.ESTIMATOR_STATE),
+    ),
+    State(
+        topics.OBSERVER_STATE, ObserverState,
+        types_of(topics.FUSED_ESTIMATE, topics.OBSERVER_STATE),
+    ),
+    State(topics.CALM, Calm, types_of(topics.CALM)),
+)  # fmt: skip
 ROWS: Final[Mapping[str, Row]] = {
     "estimator": Row(
         EstimatorNode,
         {"later": True},
-        types_of(
-            topics.ESTIMATE, topics.EXPECTED_READING, topics.TRAY_ESTIMATE, topics.FUSED_ESTIMATE,
-            topics.CALM, topics.ESTIMATOR_STATE, topics.OBSERVER_STATE,
-        ),
+        frozenset[str]().union(types_of(topics.TRAY_ESTIMATE), *(one.gives for one in _STATES)),
         {"model": "model", TRAY: "model", ROBOT: "urdf"},
+        _STATES,
+        (PLACED, CHAINED_SINCE, EMPTY),
     ),
     "monitor": Row(MonitorNode, {}, types_of(topics.COMPARISON, topics.LIMIT_EVENT)),
     "sensor": Row(SensorNode, {}, types_of(topics.FREE_SURFACE), {PAYLOAD: PAYLOAD}),
-}  # fmt: skip
+}
 _UNTAKEN_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 """No node with a journal takes these; they are large."""
 LATE_NS: Final = 2 * SECOND
 """A message may be recorded so long after a journal that names it."""
 KEPT: Final = 20_000
 """Recorded messages of a topic that no node is known to publish."""
+_NEVER = 2**63 - 1
 
 
 class NodeReplay(NamedTuple):
@@ -92,10 +109,12 @@ class JournaledReplay(NamedTuple):
     Attributes:
         processes: of nodes, in the order in which they began.
         verified: recorded messages against those of the replay, by the topic's name in the cell.
+        mixed: nodes of which two processes ran at once.
     """
 
     processes: tuple[NodeReplay, ...]
     verified: Mapping[str, Verification]
+    mixed: tuple[str, ...] = ()
 
 
 def replay_journals(
@@ -135,8 +154,10 @@ class _Replay:
         self._messages = RecentMessages()
         self._recorded: dict[str, list[Recorded]] = defaultdict(list)
         self._waiting: deque[BagMessage] = deque()
-        self._running: dict[str, _Process] = {}
-        self._processes: list[_Process] = []
+        self._running: dict[str, Process] = {}
+        self._ended: list[ProcessNotes] = []
+        self._mixed: dict[str, None] = {}
+        self._processes: list[Process] = []
         self._tallies: dict[str, Tally] = {}
 
     def run(self) -> JournaledReplay:
@@ -154,7 +175,7 @@ class _Replay:
         while self._waiting:
             self._use(self._waiting.popleft())
         for process in self._running.values():
-            process.finish(2**63 - 1)
+            process.finish(_NEVER)
         processes = [
             NodeReplay(one.node, one.notes.taken, one.notes.lacking) for one in self._processes
         ]
@@ -163,7 +184,7 @@ class _Replay:
             for topic, tally in self._tallies.items()
         }
         verified = {name: one for name, one in found.items() if one.total or one.unchecked}
-        return JournaledReplay(tuple(processes), verified)
+        return JournaledReplay(tuple(processes), verified, tuple(self._mixed))
 
     def _keep(self, message: BagMessage) -> None:
         """Keeps what a node may have published; of what none does, the last."""
@@ -175,39 +196,57 @@ class _Replay:
     def _use(self, message: BagMessage) -> None:
         """Gives a node what the next of its journals names."""
         journal = self._reader.decode(message)
-        process = self._running.get(journal.node)
-        if journal.first == 0 or process is None:
+        process: Process | None = self._running.get(journal.node)
+        if process is None or process.notes.count != journal.first or not journal.first:
+            for notes in self._ended:
+                if journal.first and (notes.node, notes.count) == (journal.node, journal.first):
+                    notes.count += len(journal.source)
+                    self._mixed[journal.node] = None
+                    return
             if process is not None:
                 process.finish(begun_ns(journal))
+                self._ended.append(process.notes)
             process = self._begin(journal, message.log_ns)
         if process is not None:
             process.add(journal, message.publish_ns)
 
-    def _begin(self, journal: Any, log_ns: int) -> _Process | None:
-        """Creates a node for its process that begins with a journal; None: it has no row."""
-        before = [one.notes.log_ns for one in self._processes if one.node == journal.node]
-        row = self._rows.get(journal.node)
-        start = next(
-            (one for one in self._starts if one.node == journal.node and one.is_process
-             and one.log_ns > max(before, default=-(2**63))),
-            None,
-        )  # fmt: skip
+    def _begin(self, journal: Any, log_ns: int) -> Process | None:
+        """Creates a node for its process that begins with a journal; None: it has no row.
+
+        Where that is not the process's first one, the node begins in the middle of its run.
+        """
+        row, start = self._rows.get(journal.node), self._start(journal, log_ns)
         if row is None or start is None:
             return None
-        lacking = "the beginning of its journal" if journal.first else ""
-        notes = ProcessNotes(journal.node, log_ns, begun_ns(journal), lacking)
+        is_first = all(one.node != journal.node for one in self._processes)
+        begun = LONG_AGO if journal.first and is_first else begun_ns(journal)
+        notes = ProcessNotes(journal.node, log_ns, begun, journal.first)
+        if journal.first and any(start.parameters.get(name) for name in row.fixed):
+            row = row._replace(states=())
         output = partial(self._output, row.compared)
-        process = _Process(notes, self._messages, output, self._recorded)
+        process = Process(notes, row.states, self._messages, output, self._recorded)
         folder = self._folder / str(len(self._processes))
         parameters = {**start.parameters, **_files(folder, start, row)}
         place = Place(
             self._cell, parameters, start.topics, simulated=False, give=process.give,
             publishes=process.publishes,
         )  # fmt: skip
-        process.create(row, place)
+        process.create(row.node, row.arguments, place)
+        if journal.first:
+            process.begin_late(begun_ns(journal), journal.steady)
         self._running[journal.node] = process
         self._processes.append(process)
         return process
+
+    def _start(self, journal: Any, log_ns: int) -> NodeStart | None:
+        """Returns the recorded settings with which a process begins its journal."""
+        own = [one for one in self._starts if one.node == journal.node]
+        if journal.first:
+            known = [one for one in own if one.log_ns <= log_ns]
+            return last_of_each(known or own[:1]).get(journal.node)
+        before = [one.notes.log_ns for one in self._processes if one.node == journal.node]
+        after_ns = max(before, default=-(2**63))
+        return next((one for one in own if one.is_process and one.log_ns > after_ns), None)
 
     def _output(self, compared: Collection[str], topic: str) -> ComparedOutput | None:
         """Creates what compares a topic; None: it was not recorded, or is not compared."""
@@ -216,85 +255,6 @@ class _Replay:
             return None
         tally = self._tallies.setdefault(topic, Tally(topic))
         return ComparedOutput(self._reader, topic, kind, tally)
-
-
-class _Process:
-    """One process of a node in a replay."""
-
-    def __init__(
-        self, notes: ProcessNotes, messages: RecentMessages,
-        output: Callable[[str], ComparedOutput | None], recorded: Mapping[str, list[Recorded]],
-    ) -> None:  # fmt: skip
-        self.notes, self.node = notes, notes.node
-        self._messages, self._output, self._recorded = messages, output, recorded
-        self._outputs: dict[str, ComparedOutput | None] = {}
-        self._node: Any = None
-
-    def create(self, row: Row, place: Place) -> None:
-        """Creates the node, without a graph; what its settings tell may be a stranger's."""
-        self._try(lambda: replayed(row.node, place, **row.arguments))
-
-    def publishes(self, topic: str) -> None:
-        """Is told each topic that the node publishes."""
-        self._outputs[topic] = self._output(topic)
-
-    def give(self, topic: str, serialise: Callable[[], bytes]) -> None:
-        """Takes what the node publishes."""
-        output = self._outputs[topic]
-        if output is not None:
-            output.give(serialise())
-
-    def add(self, journal: Any, sent_ns: int) -> None:
-        """Gives the node what a journal names; compares what was recorded of it until then."""
-        for taken in self.notes.add(journal, sent_ns, self._messages):
-            self._take(taken)
-            if self.notes.lacking:
-                break
-        self._compare()
-
-    def finish(self, end_ns: int) -> None:
-        """Compares the rest; the next process of the node began at this time [ns]."""
-        for taken in () if self.notes.lacking else self.notes.rest():
-            self._take(taken)
-        self._compare()
-        for topic, output in self._outputs.items():
-            if output is not None:
-                output.finish(len(self._due(topic, end_ns - 1)))
-
-    def _try(self, create: Callable[[], Any]) -> None:
-        try:
-            self._node = create()
-        except (ValueError, TypeError, LookupError, OSError) as error:
-            self.notes.lacking = f"usable settings: {error}"
-
-    def _take(self, taken: Taken) -> None:
-        node = self._node
-        if taken.source in (START, BEGIN):
-            node.journal.begin(taken)
-            if taken.source == BEGIN:
-                self._try(lambda: _prepared(node))
-        else:
-            node.use(taken)
-
-    def _compare(self) -> None:
-        for topic, output in self._outputs.items():
-            if output is not None:
-                output.compare(self._due(topic, self.notes.until_ns))
-
-    def _due(self, topic: str, until_ns: int) -> list[Recorded]:
-        """Removes and returns recorded messages of the process that were sent until a time."""
-        waiting = self._recorded[topic]
-        found = [one for one in waiting if self.notes.begun_ns <= one.sent_ns <= until_ns]
-        if found:
-            waiting[:] = [one for one in waiting if one.sent_ns > until_ns]
-        return found
-
-
-def _prepared(node: Any) -> Any:
-    """Lets a node begin its work, as `run_node` does."""
-    node.prepare(lambda _: None)
-    node.is_prepared()
-    return node
 
 
 def _files(folder: Path, start: NodeStart, row: Row) -> dict[str, str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections import deque
 from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
@@ -49,36 +48,32 @@ class _Entry(NamedTuple):
 
 
 class ProcessNotes:
-    """The journal of one process of a node, up to the first thing that the recording lacks.
+    """The journal of one process of a node.
 
     Args:
         node: the node's name.
         log_ns: when its first journal was recorded [ns].
         begun_ns: the time of the first thing in it [ns].
-        lacking: why not all of it can be replayed; empty: nothing is known to be missing.
+        first: things that it had taken before.
 
     Attributes:
-        until_ns: up to when what it published follows from what it took [ns]. It sent its last
-            journal then, or took the last thing before the first that is lacking.
+        lacking: the first thing that the recording lacks; empty: it has all.
+        until_ns: up to when it is known what it took [ns]: it sent its last journal then.
         taken: things so far.
+        count: things in its journals so far, and before them.
     """
 
-    def __init__(self, node: str, log_ns: int, begun_ns: int, lacking: str = "") -> None:
-        self.node, self.log_ns, self.begun_ns, self.lacking = node, log_ns, begun_ns, lacking
+    def __init__(self, node: str, log_ns: int, begun_ns: int, first: int = 0) -> None:
+        self.node, self.log_ns, self.begun_ns = node, log_ns, begun_ns
+        self.lacking = "the beginning of its journal" if first else ""
         self.until_ns = begun_ns
         self.taken = 0
-        self._count = 0  # entries
-        self._entries: deque[_Entry] = deque()
+        self.count = first
         self._last: Taken | None = None
 
     def add(self, journal: Any, sent_ns: int, messages: RecentMessages) -> Iterator[Taken]:
         """Yields what is known to be taken, in order, with the next journal of the process."""
-        missing = journal.first - self._count
-        if missing and not self.lacking:
-            self._lack(f"{missing} things of its journal")
-        if self.lacking:
-            return
-        self._count += len(journal.source)
+        self.count += len(journal.source)
         for entry in _entries(journal):
             if entry.source == ANSWER:
                 if self._last is not None:
@@ -91,11 +86,9 @@ class ProcessNotes:
                 topic = entry.source.removeprefix(MESSAGE).partition(" ")[0]
                 content = messages.find(topic, entry.check)
                 if content is None:
-                    yield from self.rest()
-                    self._lack(f"a message on {topic}")
-                    return
+                    self.lacking = self.lacking or f"a message on {topic}"
             yield from self.rest()
-            self._last = Taken(entry.source, content or b"", entry.now_ns, entry.steady_ns)
+            self._last = Taken(entry.source, content, entry.now_ns, entry.steady_ns)
         self.until_ns = sent_ns
 
     def rest(self) -> Iterator[Taken]:
@@ -105,9 +98,6 @@ class ProcessNotes:
             self.until_ns = max(self.until_ns, self._last.now_ns)
             yield self._last
             self._last = None
-
-    def _lack(self, what: str) -> None:
-        self.lacking = what
 
 
 def begun_ns(journal: Any) -> int:

@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
-import numpy as np
-
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader, messages_of, stamp_ns
-from slosh_estimator.sample import Sample
 from slosh_estimator.state import EstimatorState
 
 TOPIC: Final = "estimator_state"
 MESSAGE_TYPE: Final = "slosh_msgs/msg/EstimatorState"
-_POSE = 4  # where a sample's pose begins
 
 
 class RecordedState(NamedTuple):
@@ -48,15 +44,9 @@ def _readable(reader: BagReader, block: MessageBlock) -> Iterator[RecordedState]
 
 
 def _state(message: Any) -> RecordedState:
-    ax, ay, az, yaw = message.sample[:_POSE].tolist()
-    pose = tuple(message.sample[_POSE:].tolist()) or None
-    sample = Sample(int(message.sample_stamp), ax, ay, az, yaw, pose=pose)
     return RecordedState(
         stamp_ns(message),
         int(message.samples_used),
-        EstimatorState(
-            sample, int(message.first_stamp), int(message.settled_stamp),
-            *(np.array(part) for part in (message.linear, message.nonlinear, message.checks)),
-        ),
+        EstimatorState.of_message(message),
         tuple(message.input.tolist()),
-    )  # fmt: skip
+    )
