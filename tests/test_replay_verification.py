@@ -65,6 +65,20 @@ def test_without_a_journal_a_lost_input_leaves_the_order_unknown(live, tmp_path)
     assert result.counters["not_used_live"] == 2
 
 
+@pytest.mark.parametrize("kind", ["accel", "imu", "pose"])
+def test_with_a_journal_lost_and_late_inputs_are_left_out_without_ros(kind, tmp_path, monkeypatch):
+    """The live estimator lost some, also more than a chunk, and took others too late."""
+    monkeypatch.setattr("slosh_bag.mcap_files.mcap_file.CHUNK_BYTES", 10_000)
+    live = LiveBag(kind)
+    live.journal, live.pose_window, live.checks = True, 0.02, True
+    live.unused = {700, 701, *range(1200, 1210), *range(1800, 2200)}
+    live.delay = lambda index: 600 * MS if 1500 <= index < 1505 else 2 * MS
+    result, found = verified(live.write(tmp_path / "bag"))
+    assert found.exact, found.lines()
+    assert found.recorded > 1900
+    assert result.counters["not_used_live"] == len(live.unused) + 5
+
+
 @pytest.mark.parametrize("early", [0, 80])
 def test_an_estimate_that_is_heard_before_its_input_begins_no_late_recording(
     live, tmp_path, early

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
 
-from slosh_msgs_py.node import journal
+from slosh_msgs_py import journal_format
 from slosh_msgs_py.node.guarded import GuardedNode
 
 Given = Callable[[str, Callable[[], bytes]], None]
@@ -197,7 +197,7 @@ class OfflineNode(Node):
             self._offline_values.update({one.name: one for one in changed})
             callback(changed)
 
-        self._offline_takers[journal.PARAMETERS] = change
+        self._offline_takers[journal_format.PARAMETERS] = change
 
     def create_publisher(self, kind: Any, topic: str, *_: Any, **__: Any) -> Any:
         """Creates a publisher that hands its messages over."""
@@ -232,7 +232,7 @@ class OfflineNode(Node):
         def serve(content: bytes) -> None:
             callback(deserialize_message(content, kind.Request), kind.Response())
 
-        self._offline_takers[f"{journal.SERVICE}{name}"] = serve
+        self._offline_takers[f"{journal_format.SERVICE}{name}"] = serve
         return SimpleNamespace()
 
 

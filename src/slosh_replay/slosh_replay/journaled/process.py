@@ -7,8 +7,8 @@ from struct import unpack_from
 from typing import Any, Final, NamedTuple
 
 from slosh_base.files.nanoseconds import SECOND
+from slosh_msgs_py.journal_format import BEGIN, START
 from slosh_msgs_py.node.guarded import GuardedNode
-from slosh_msgs_py.node.journal import BEGIN, START
 from slosh_msgs_py.node.offline import Place, Taken, deserialised, replayed
 from slosh_msgs_py.node.prepared import PreparedNode
 from slosh_replay.journaled.outputs import ComparedOutput, Recorded

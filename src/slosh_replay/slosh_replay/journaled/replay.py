@@ -20,11 +20,12 @@ from slosh_estimator.nodes.sensor_node import PAYLOAD, SensorNode
 from slosh_model.tray import TRAY
 from slosh_msgs.msg import Calm, EstimatorState, ObserverState
 from slosh_msgs_py import topics
+from slosh_msgs_py.journal_format import begun_ns
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.offline import Place
 from slosh_replay.journaled.outputs import ComparedOutput, Recorded
 from slosh_replay.journaled.process import LONG_AGO, Process, State
-from slosh_replay.journaled.taken import ProcessNotes, RecentMessages, begun_ns
+from slosh_replay.journaled.taken import ProcessNotes, RecentMessages
 from slosh_replay.recording.settings import NodeStart, last_of_each, read_starts
 from slosh_replay.replay.verification import Tally, Verification
 

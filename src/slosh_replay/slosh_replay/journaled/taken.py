@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from slosh_bag.reader import BagMessage
 from slosh_base.files.nanoseconds import SECOND
-from slosh_msgs_py.node.journal import ANSWER, MESSAGE, MICROSECOND, checksum
+from slosh_msgs_py.journal_format import ANSWER, checksum, entries
 from slosh_msgs_py.node.offline import Taken
 
 KEPT_NS: Final = 30 * SECOND
@@ -39,14 +39,6 @@ class RecentMessages:
         return None if found is None else found[1]
 
 
-class _Entry(NamedTuple):
-    source: str
-    check: int
-    content: bytes
-    now_ns: int
-    steady_ns: int
-
-
 class ProcessNotes:
     """The journal of one process of a node.
 
@@ -74,7 +66,7 @@ class ProcessNotes:
     def add(self, journal: Any, sent_ns: int, messages: RecentMessages) -> Iterator[Taken]:
         """Yields what is known to be taken, in order, with the next journal of the process."""
         self.count += len(journal.source)
-        for entry in _entries(journal):
+        for entry in entries(journal):
             if entry.source == ANSWER:
                 if self._last is not None:
                     question, answer = json.loads(entry.content)
@@ -82,11 +74,10 @@ class ProcessNotes:
                     self._last = self._last._replace(answers=answers)
                 continue
             content: bytes | None = entry.content
-            if entry.source.startswith(MESSAGE):
-                topic = entry.source.removeprefix(MESSAGE).partition(" ")[0]
-                content = messages.find(topic, entry.check)
+            if entry.topic:
+                content = messages.find(entry.topic, entry.check)
                 if content is None:
-                    self.lacking = self.lacking or f"a message on {topic}"
+                    self.lacking = self.lacking or f"a message on {entry.topic}"
             yield from self.rest()
             self._last = Taken(entry.source, content, entry.now_ns, entry.steady_ns)
         self.until_ns = sent_ns
@@ -98,26 +89,3 @@ class ProcessNotes:
             self.until_ns = max(self.until_ns, self._last.now_ns)
             yield self._last
             self._last = None
-
-
-def begun_ns(journal: Any) -> int:
-    """Returns the time of the first thing in a journal [ns]."""
-    stamp = journal.header.stamp
-    return int(stamp.sec * SECOND + stamp.nanosec)
-
-
-def _entries(journal: Any) -> Iterator[_Entry]:
-    base = begun_ns(journal)
-    content, at = bytes(journal.content), 0
-    rows = zip(
-        journal.source.tolist(), journal.check.tolist(), journal.time.tolist(),
-        journal.steady_time.tolist(), strict=True,
-    )  # fmt: skip
-    for index, check, since, steady in rows:
-        source = journal.sources[index]
-        own = b""
-        if not source.startswith(MESSAGE):
-            own, at = content[at : at + check], at + check
-        yield _Entry(
-            source, check, own, base + since * MICROSECOND, journal.steady + steady * MICROSECOND
-        )

@@ -43,6 +43,7 @@ from slosh_msgs_py import topics
 from slosh_replay.recording.inputs import (
     LOGGED,
     PLACED_FIELDS,
+    STAMP,
     fields,
     recorded_inputs,
     stamps_of,
@@ -50,6 +51,7 @@ from slosh_replay.recording.inputs import (
 )
 from slosh_replay.recording.settings import first
 from slosh_replay.recording.sources import Sources
+from slosh_replay.recording.taken_inputs import NOT_TAKEN, TakenInputs
 
 Columns = Mapping[str, NDArray[Any]]
 _FRAME = "header.frame_id"
@@ -62,16 +64,25 @@ class InputBlocks:
         reader: of the bag.
         sources: its topics.
         how: the input is read.
+        taken: leaves out what the recorded estimator did not take, or not in time; None: nothing.
 
     Attributes:
         topics: whose blocks it reads.
+        left_out: messages of the input that `taken` has left out so far.
 
     Raises:
         SloshBagError: joints without a robot's description, or with one that does not fit.
     """
 
-    def __init__(self, reader: BagReader, sources: Sources, how: InputSettings) -> None:
-        self._reader = reader
+    def __init__(
+        self,
+        reader: BagReader,
+        sources: Sources,
+        how: InputSettings,
+        taken: TakenInputs | None = None,
+    ) -> None:
+        self._reader, self._taken_inputs, self.left_out = reader, taken, 0
+        self._max_age_ns = round(how.gate.max_age * 1e9)
         self._columns = ColumnReader(reader.typestore_of)
         self._fields = fields(sources.kind)
         self._world = how.frames[0]
@@ -103,6 +114,8 @@ class InputBlocks:
         Raises:
             SloshBagError: a message is not of its type.
         """
+        if self._taken_inputs is not None:
+            blocks = [self._in_time(self._taken_inputs, block) for block in blocks]
         if self._poses is None:
             (block,) = blocks
             columns = self._columns.columns(block, self._fields)
@@ -132,6 +145,16 @@ class InputBlocks:
             self._count += len(found)
             columns = _pose_columns(found, self._world)
         return {**columns, LOGGED: np.array(logged, dtype=np.int64)}
+
+    def _in_time(self, taken: TakenInputs, block: MessageBlock) -> MessageBlock:
+        """Returns the messages that the recorded estimator took, and not too late."""
+        arrivals = taken.arrivals(block)
+        kept = arrivals != NOT_TAKEN
+        if kept.any() and _row(topics.TF).type != block.message_type:
+            late = arrivals - stamps_of(self._columns.columns(block, STAMP))
+            kept &= (arrivals < 0) | (np.abs(late) <= self._max_age_ns)
+        self.left_out += len(kept) - int(np.count_nonzero(kept))
+        return block if kept.all() else block.take(kept)
 
     def _noted(self, message: BagMessage) -> Any:
         """Returns a decoded message of `topics`; counts those of the input and their stamps."""

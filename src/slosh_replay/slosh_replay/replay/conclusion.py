@@ -30,7 +30,7 @@ class Origin(NamedTuple):
 
 
 def conclude(
-    name: str, source: str, stream: ReplayStream, origin: Origin | None = None
+    name: str, source: str, stream: ReplayStream, origin: Origin | None = None, left_out: int = 0
 ) -> ReplayResult:
     """Creates the result object of a finished replay.
 
@@ -39,6 +39,7 @@ def conclude(
         source: topic or file that drove the models.
         stream: the replay.
         origin: what is known to differ between the recording and the replay.
+        left_out: recorded inputs that the live estimator did not take.
 
     Raises:
         SloshBagError: there is no usable input.
@@ -54,8 +55,9 @@ def conclude(
         origin = origin._replace(causes=causes)
     verified = _verified(stream, origin)
     counters = {**reader.counters, "images": stream.images}
-    if ESTIMATE in verified and verified[ESTIMATE].extra:
-        counters["not_used_live"] = verified[ESTIMATE].extra
+    unused = left_out + (verified[ESTIMATE].extra if ESTIMATE in verified else 0)
+    if unused:
+        counters["not_used_live"] = unused
     counters["unmatched_images"] = feed.monitor.unmatched
     names, laid = estimator.models.names, stream.alignment
     judged = Judgement()

@@ -42,6 +42,7 @@ from slosh_replay.recording.inputs import STAMP, InputReader, stamps_of
 from slosh_replay.recording.settings import NodeStart
 from slosh_replay.recording.sources import TRAY, Sources, find_sources
 from slosh_replay.recording.states import RecordedState, states_of
+from slosh_replay.recording.taken_inputs import TakenInputs
 from slosh_replay.replay.conclusion import Origin, conclude
 from slosh_replay.replay.replay_table import replay_table
 from slosh_replay.replay.result import ReplayResult
@@ -109,7 +110,7 @@ def replay_bag(
     if tray is not None and used is not plain:
         tray = tray.of(partial(how.felt, sources.kind))
     input_reader = InputReader(sources.kind, how)
-    blocks = InputBlocks(reader, sources, how)
+    blocks = InputBlocks(reader, sources, how, _taken(reader, sources, given))
     setting = Setting(
         used,
         input_reader,
@@ -135,7 +136,7 @@ def replay_bag(
         blocks.check()
         stream.advance(final=True)
         origin = _origin(started, recorded, used, journaled=sources.journal is not None)
-        result = conclude(path.name, sources.input, stream, origin)
+        result = conclude(path.name, sources.input, stream, origin, blocks.left_out)
     said = [
         *_attitude_warnings(path, sources, used, how),
         *input_reader.ignored_tilt(plain, used),
@@ -144,6 +145,15 @@ def replay_bag(
     ]
     told = [f"{path}: {line}" for line in said if line]
     return replace(result, warnings=(*_warnings(path, reader, sources), *told, *result.warnings))
+
+
+def _taken(
+    reader: BagReader, sources: Sources, given: InputSettings | WantedInput | None
+) -> TakenInputs | None:
+    """Returns what the recorded estimator took of its input; None: another input is replayed."""
+    if sources.journal is None or sources.estimate is None or given is not None:
+        return None
+    return TakenInputs(reader, sources.journal)
 
 
 def _is_as_recorded(started: NodeStart | None, sources: Sources, model: Model | None) -> bool:
