@@ -26,6 +26,7 @@ from slosh_bringup.replay.page import make_report
 from slosh_replay.in_force import in_force, last_starts
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.replay import ReplayResult, replay_bag
+from slosh_replay.replay.checking import RECORDED, check_result
 from slosh_replay.replay.report import Surroundings
 from slosh_report.run_report import (
     Fact,
@@ -176,6 +177,9 @@ def _evaluated(
             told, failed = (*problems, line), (*failures, line)
             result = replace(result, warnings=told, failures=failed)
         return result, _recorded_report(title, data, result)
+    if not reasons:
+        differs = check_result(replayed, RECORDED).failures
+        result = replace(result, failures=(*failures, *differs), warnings=(*problems, *differs))
     return replace(result, replayed=replayed), _replayed_report(title, run, result, replayed)
 
 

@@ -8,7 +8,10 @@ from importlib.util import find_spec
 from slosh_model.tray import TRAY
 from slosh_msgs_py.topics import GOVERNED_MOTION
 from slosh_replay.recorded_run import RecordedRun
+from slosh_replay.replay.replay_bag import IN_LOG_ORDER
 from slosh_replay.replay.result import ReplayResult
+
+MIXED = "two processes of one node ran at once, as when two cells share a namespace"
 
 
 def checked_by_journal(
@@ -36,8 +39,13 @@ def checked_by_journal(
     governor = Row(GovernorNode, {"later": True}, types_of(GOVERNED_MOTION), files)
     found = replay_journals(run.reader, cell, {**ROWS, "governor": governor})
     verified = dict(result.verified)
+    causes = [f"{MIXED}: {node}" for node in found.mixed]
+    before = result.verification
+    if before is not None:
+        causes += [cause for cause in before.causes if cause != IN_LOG_ORDER]
+    rounds_otherwise = before is not None and before.rounds_otherwise
     for name, one in found.verified.items():
         # What no journal can tell, as in the middle of a run, the replay may know all the same.
         if one.total or name not in verified or not verified[name].exact:
-            verified[name] = one
+            verified[name] = replace(one, causes=tuple(causes), rounds_otherwise=rounds_otherwise)
     return replace(result, verified=verified)

@@ -41,8 +41,6 @@ from slosh_replay.replay.report import highest, report_start, shown_models
 from slosh_replay.replay.result import ModelAccuracy
 from slosh_replay.replay.verification import Verification
 
-RECORDED = Expectation(tolerance=0.0, warnings=None)
-"""What a bag without a manifest must give: its own estimates again; warnings are told."""
 PAGES = (".html", ".json")
 """What there is of a replay beside its bag of outputs."""
 

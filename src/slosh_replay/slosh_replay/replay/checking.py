@@ -20,6 +20,9 @@ HEIGHT_TOLERANCE, SHARE_TOLERANCE, TIME_TOLERANCE = 1e-6, 1e-4, 1e-3
 ROUNDING = 1e-9
 """Tolerance of estimates on a machine that rounds otherwise than the recording one [SI units]."""
 
+RECORDED = Expectation(tolerance=0.0, warnings=None)
+"""What a bag without a manifest must give: its own estimates again; warnings are told."""
+
 
 class Point(NamedTuple):
     """One check of a replay: its name, and the reason if it failed.
