@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import pytest
 import rclpy
@@ -21,6 +22,7 @@ from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.rivals import AGAIN, Rivals
 from slosh_msgs_py.node.run import make_executor
 from slosh_msgs_py.node.silence import LONG, UNHEARD, SilentTopic
 
@@ -338,6 +340,7 @@ def test_a_wrong_start_is_one_line_and_exit_code_two():
 SLOW = """
 import sys
 import time
+from types import SimpleNamespace
 from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.diagnostics import OK
 from slosh_msgs_py.node.prepared import PreparedNode
@@ -478,3 +481,17 @@ def test_a_node_says_what_it_alone_may_not_hear(make_node, monkeypatch):
     now += 1.0
     assert topic.facts(7) == told
     assert SilentTopic(node, "input", "std_msgs/msg/String").facts(0) == {}  # of another type
+
+
+def test_rivals_are_told_by_the_time_that_the_journal_has():
+    """So that a replay, which takes less time, flags the same messages."""
+    info = SimpleNamespace(
+        node_name="robot", node_namespace="/", topic_type="T", endpoint_gid=bytes(24)
+    )
+    other = SimpleNamespace(**{**vars(info), "node_name": "twin"})
+    node = SimpleNamespace(
+        at=0.0, steady_ns=lambda: int(1e9 * node.at), resolve_topic_name=lambda name: f"/{name}",
+        get_publishers_info_by_topic=lambda _: [info, other],
+    )  # fmt: skip
+    rivals = Rivals(node, "accel", "T")
+    assert [bool(rivals.look()) for node.at in (5.0, 6.0, 5.0 + AGAIN)] == [False, False, True]
