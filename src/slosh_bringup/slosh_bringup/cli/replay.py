@@ -27,7 +27,6 @@ from slosh_bringup.replay.index import check_index, write_index
 from slosh_bringup.replay.junit import Case, Suite, write_junit
 from slosh_bringup.replay.task import (
     PAGES,
-    RECORDED,
     Replayed,
     Task,
     remove_unfinished,
@@ -36,6 +35,7 @@ from slosh_bringup.replay.task import (
 )
 from slosh_model.model_text import read_model
 from slosh_replay.manifest import NAME, Expectation, read_manifest, write_manifest
+from slosh_replay.replay.checking import RECORDED
 from slosh_replay.replay.result import Judged, ModelAccuracy
 from slosh_report.text_table import aligned
 

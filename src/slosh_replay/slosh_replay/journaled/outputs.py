@@ -13,10 +13,12 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagMessage, BagReader
 from slosh_estimator.validity import EstimateFlag
+from slosh_msgs_py import topics
 from slosh_msgs_py.journal_format import whole_words
 from slosh_replay.recording.inputs import stamps_of
 from slosh_replay.replay.verification import Messages, Tally
 
+_TYPES = {row.name: row.type for row in topics.TOPICS}
 _STAMP: Final = slice(4, 12)
 """Where a serialised message has the stamp of its header."""
 _KEPT: Final = 20_000
@@ -31,8 +33,14 @@ Place = tuple[bytes, int]
 
 CONTRADICTED: Final = np.uint16(EstimateFlag.INPUT_CONTRADICTED)
 """Says what a second source showed so far, which no state holds."""
-COUNTED: Final = "samples_dropped"
-"""Counts since the start, which no state holds."""
+COUNTED: Final = {
+    _TYPES[topics.ESTIMATE]: ("samples_dropped",),
+    _TYPES[topics.COMPARISON]: (
+        "sigma_linear", "sigma_nonlinear", "epsilon_linear", "epsilon_nonlinear", "count", "state",
+        "sides_disagree",
+    ),
+}  # fmt: skip
+"""Fields that depend on all since the start, which no state holds."""
 
 
 class Recorded(NamedTuple):
@@ -134,12 +142,15 @@ class ComparedOutput:
 
     def _told(self, theirs: Messages, ours: Messages) -> tuple[Messages, Messages]:
         """Drops, behind what the recording lacks, what no state tells of the time before."""
-        if not self._unknown or COUNTED not in ours.columns:
+        counted = COUNTED.get(self.kind, ())
+        if not self._unknown or not counted:
             return theirs, ours
-        both = [{**one.columns, "flags": one.columns["flags"] & ~CONTRADICTED}
-                for one in (theirs, ours)]  # fmt: skip
-        del both[1][COUNTED]
-        return theirs._replace(columns=both[0]), ours._replace(columns=both[1])
+        both = [dict(one.columns) for one in (theirs, ours)]
+        for columns in both:
+            if "flags" in columns:
+                columns["flags"] = columns["flags"] & ~CONTRADICTED
+        kept = {name: column for name, column in both[1].items() if name not in counted}
+        return theirs._replace(columns=both[0]), ours._replace(columns=kept)
 
     def _exact(self, data: bytes) -> bytes:
         """Cuts off what rclpy appends: it gives the most bytes that a message may need.

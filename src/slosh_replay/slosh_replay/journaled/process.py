@@ -18,17 +18,19 @@ LONG_AGO: Final = -(2**62)
 
 
 class State(NamedTuple):
-    """A published state from which a node goes on behind what a recording lacks.
+    """What a node goes on from behind what a recording lacks: a published state, or time alone.
 
     Attributes:
-        topic: where it is published.
-        message: its type.
         gives: types of the messages that follow from it.
+        topic: where the state is published; empty: there is none.
+        message: its type.
+        after_ns: without a state, time after which what was before matters no more [ns].
     """
 
-    topic: str
-    message: Any
     gives: frozenset[str]
+    topic: str = ""
+    message: Any = None
+    after_ns: int = 0
 
 
 class Process:
@@ -44,6 +46,7 @@ class Process:
         self._node: Any = None
         self._lost: list[State] = []
         self._lost_ns = LONG_AGO
+        self._waits_since: int | None = None
         self._known: dict[str, dict[int, bytes]] = {}
         self._found: list[ComparedOutput] = []
 
@@ -108,13 +111,13 @@ class Process:
         if taken.content is None:
             self._lose(taken.now_ns)
         elif self._lost:
-            self._go_on(node)
+            self._go_on(node, taken.now_ns)
 
     def _lose(self, from_ns: int) -> None:
         """Compares nothing from a time [ns] on, until the node's states are known again."""
         for output in filter(None, self._outputs.values()):
             output.lose(from_ns)
-        self._lost, self._lost_ns = list(self._row_states), from_ns
+        self._lost, self._lost_ns, self._waits_since = list(self._row_states), from_ns, None
         self._found.clear()
         if not self._lost:
             self._node = None
@@ -122,23 +125,30 @@ class Process:
 
     def _look_for_states(self) -> None:
         for state in self._lost if self._node is not None else ():
+            if not state.topic:
+                continue
             recorded = self._recorded[self._node.resolve_topic_name(state.topic)]
             self._known[state.topic] = {
                 stamp_of(one.data): one.data for one in recorded if one.sent_ns >= self._lost_ns
             }
 
-    def _go_on(self, node: Any) -> None:
+    def _go_on(self, node: Any, now_ns: int) -> None:
         """Takes up the recorded states that belong to the moment at which the node stands."""
+        if self._waits_since is None:
+            self._waits_since = now_ns
         while self._lost:
             state = self._lost[0]
-            data = self._known[state.topic].get(node.stands_at(state.topic))
-            if data is None:
-                return
-            try:
-                node.take_up(deserialised(data, state.message))
-            except ValueError as error:
-                self.notes.lacking += f", and its state cannot be restored: {error}"
-                self._lost.clear()
+            if state.topic:
+                data = self._known[state.topic].get(node.stands_at(state.topic))
+                if data is None:
+                    return
+                try:
+                    node.take_up(deserialised(data, state.message))
+                except ValueError as error:
+                    self.notes.lacking += f", and its state cannot be restored: {error}"
+                    self._lost.clear()
+                    return
+            elif now_ns - self._waits_since < state.after_ns:
                 return
             self._found += [
                 one for one in filter(None, self._outputs.values()) if one.kind in state.gives

@@ -38,7 +38,7 @@ class Row(NamedTuple):
         arguments: of the class.
         compared: types of those of its messages that must come out again.
         files: parameters that are set to a file with a recorded text, by the text's name.
-        states: that it publishes; each is taken up behind those before it.
+        states: that it goes on from; each is taken up behind those before it.
         fixed: parameters that a node has found; with one it cannot begin in the middle of a run.
     """
 
@@ -58,16 +58,18 @@ def types_of(*names: str) -> frozenset[str]:
     return frozenset(_TYPES[name] for name in names)
 
 
+MATCHED_NS: Final = 5 * SECOND // 2
+"""A monitor matches a measurement and estimates that came so far apart, and none farther."""
 _STATES = (
     State(
-        topics.ESTIMATOR_STATE, EstimatorState,
         types_of(topics.ESTIMATE, topics.EXPECTED_READING, topics.ESTIMATOR_STATE),
+        topics.ESTIMATOR_STATE, EstimatorState,
     ),
     State(
-        topics.OBSERVER_STATE, ObserverState,
         types_of(topics.FUSED_ESTIMATE, topics.OBSERVER_STATE),
+        topics.OBSERVER_STATE, ObserverState,
     ),
-    State(topics.CALM, Calm, types_of(topics.CALM)),
+    State(types_of(topics.CALM), topics.CALM, Calm),
 )  # fmt: skip
 ROWS: Final[Mapping[str, Row]] = {
     "estimator": Row(
@@ -78,7 +80,12 @@ ROWS: Final[Mapping[str, Row]] = {
         _STATES,
         (PLACED, CHAINED_SINCE, EMPTY),
     ),
-    "monitor": Row(MonitorNode, {}, types_of(topics.COMPARISON, topics.LIMIT_EVENT)),
+    "monitor": Row(
+        MonitorNode,
+        {},
+        types_of(topics.COMPARISON, topics.LIMIT_EVENT),
+        states=(State(types_of(topics.COMPARISON), after_ns=MATCHED_NS),),
+    ),
     "sensor": Row(SensorNode, {}, types_of(topics.FREE_SURFACE), {PAYLOAD: PAYLOAD}),
 }
 _UNTAKEN_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
