@@ -190,8 +190,16 @@ def tell(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
             announced = (expected.warnings if expected else None) or ()
             if not any(text in warning for text in announced):
                 print(plain_line(f"slosh replay: warning: {warning}"), file=sys.stderr)
-        for failure in item.checked.failures if item.checked else ():
-            print(plain_line(f"slosh replay: {item.name}: {failure}"), file=sys.stderr)
+        for line in told_of_check(item):
+            print(plain_line(f"slosh replay: {item.name}: {line}"), file=sys.stderr)
+
+
+def told_of_check(item: Replayed) -> list[str]:
+    """Returns the failed checks of a replay, and what could not be checked, one line each."""
+    if item.checked is None:
+        return []
+    failures = item.checked.failures
+    return [*failures, *(line for line in item.unchecked if line not in failures)]
 
 
 def print_tables(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:

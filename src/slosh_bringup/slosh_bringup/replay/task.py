@@ -95,6 +95,7 @@ class Replayed:
         checked: against what was expected; None: nothing was.
         estimates: how recorded and replayed estimates compare, in short.
         differences: why the bag was written, and the same where they differ, one line each.
+        unchecked: recorded messages that were not compared, one line each.
         warnings: about the bag.
         counts: images, dropped samples and excesses of limits.
         seconds: that the replay took [s].
@@ -110,6 +111,7 @@ class Replayed:
     checked: CheckedReplay | None
     estimates: str
     differences: tuple[str, ...]
+    unchecked: tuple[str, ...]
     warnings: tuple[str, ...]
     counts: Mapping[str, int]
     seconds: float
@@ -176,6 +178,7 @@ def _replayed(task: Task) -> Replayed:
             *event_lines(run.facts, report_start(result)),
             *(found.lines() if found and (not found.exact or found.unchecked) else ()),
         ),
+        tuple(line for one in result.verified.values() for line in one.unchecked_lines),
         result.warnings,
         {
             "images": result.counters.get("images", 0),

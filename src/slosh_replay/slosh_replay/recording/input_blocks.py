@@ -153,7 +153,7 @@ class InputBlocks:
         if kept.any() and _row(topics.TF).type != block.message_type:
             late = arrivals - stamps_of(self._columns.columns(block, STAMP))
             kept &= (arrivals < 0) | (np.abs(late) <= self._max_age_ns)
-        self.left_out += len(kept) - int(np.count_nonzero(kept))
+        self.left_out += int(np.count_nonzero(~kept & (block.log_ns >= taken.begun_ns)))
         return block if kept.all() else block.take(kept)
 
     def _noted(self, message: BagMessage) -> Any:

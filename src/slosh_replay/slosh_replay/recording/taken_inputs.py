@@ -31,7 +31,7 @@ class TakenInputs:
         node: whose journals count.
 
     Attributes:
-        left_out: messages so far that it did not take, or not in time.
+        begun_ns: when it took the first message [ns]; far ahead: it has taken none so far.
     """
 
     def __init__(self, reader: BagReader, journal: str, node: str = "estimator") -> None:
@@ -42,7 +42,7 @@ class TakenInputs:
         self._count = 0
         self._until_ns = -(2**62)  # the journals are complete up to here
         self._holes: deque[tuple[int, int]] = deque()
-        self.left_out = 0
+        self.begun_ns = 2**62
 
     def arrivals(self, block: MessageBlock) -> Integers:
         """Returns when each message of a block was taken, UNKNOWN or NOT_TAKEN, (N,) [ns]."""
@@ -84,3 +84,4 @@ class TakenInputs:
                 self._times.pop((entry.topic, entry.check), None)
                 self._times[entry.topic, entry.check] = entry.now_ns
                 self._until_ns = max(self._until_ns, entry.now_ns)
+                self.begun_ns = min(self.begun_ns, entry.now_ns)

@@ -248,8 +248,8 @@ class ReplayedMonitor:
     def update(
         self, estimates: ModelHeights | None, own: tuple[int, int], measured: Measurements,
         *, final: bool,
-    ) -> None:  # fmt: skip
-        """Processes estimates and measured heights, and tells comparisons and events.
+    ) -> list[Comparison]:  # fmt: skip
+        """Processes estimates and measured heights, and tells and returns comparisons and events.
 
         Args:
             estimates: of all models; None: there are none yet.
@@ -267,6 +267,7 @@ class ReplayedMonitor:
             self._outputs.comparisons(comparisons)
         if events:
             self._outputs.events(events)
+        return comparisons
 
 
 def monitored(estimates: ModelHeights, own: tuple[int, int]) -> MonitoredHeights:

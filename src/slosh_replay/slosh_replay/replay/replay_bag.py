@@ -25,7 +25,14 @@ from slosh_estimator.validity import EstimateFlag, attitude_warning
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.tilt import added_text, attitude_of, ignored_text, with_tilt
-from slosh_msgs_py.topics import ESTIMATE, TRAY_ESTIMATE
+from slosh_msgs_py.topics import (
+    CALM,
+    COMPARISON,
+    ESTIMATE,
+    FUSED_ESTIMATE,
+    TOPICS,
+    TRAY_ESTIMATE,
+)
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording import settings
 from slosh_replay.recording.facts import (
@@ -49,11 +56,19 @@ from slosh_replay.replay.result import ReplayResult
 from slosh_replay.replay.series import Series
 from slosh_replay.replay.setting import Outputs, Setting
 from slosh_replay.replay.stream import ReplayStream
-from slosh_replay.replay.verification import Verifier, estimate_fields, tray_fields
+from slosh_replay.replay.verification import (
+    COMPARED,
+    ORDER_UNKNOWN,
+    STALE,
+    Tally,
+    Verification,
+    Verifier,
+    estimate_fields,
+    tray_fields,
+)
 from slosh_replay.tables.bag_table import TableSettings, read_bag_table
 
-ORDER_UNKNOWN = "recorded before journals: order unknown"
-"""Why estimates may differ where no journal tells in which order the node took its inputs."""
+BY_JOURNAL = "the nodes' own code gives them, with ROS 2, by the journals (--check)"
 IN_LOG_ORDER = "inputs in the order of recording; with ROS 2 that of the journals is taken"
 HEARD_NS = 100_000_000
 """A recorder may hear an estimate so long before the input that it is made of."""
@@ -137,6 +152,7 @@ def replay_bag(
         stream.advance(final=True)
         origin = _origin(started, recorded, used, journaled=sources.journal is not None)
         result = conclude(path.name, sources.input, stream, origin, blocks.left_out)
+    verified = {**_unchecked(reader, sources), **result.verified}
     said = [
         *_attitude_warnings(path, sources, used, how),
         *input_reader.ignored_tilt(plain, used),
@@ -144,7 +160,23 @@ def replay_bag(
         *(() if TABLE_COLUMNS in sources.facts else blocks.doubts()),
     ]
     told = [f"{path}: {line}" for line in said if line]
-    return replace(result, warnings=(*_warnings(path, reader, sources), *told, *result.warnings))
+    told = [*_warnings(path, reader, sources), *told]
+    return replace(result, verified=verified, warnings=(*told, *result.warnings))
+
+
+def _unchecked(reader: BagReader, sources: Sources) -> dict[str, Verification]:
+    """Counts recorded messages that only the nodes' own code gives, by the journal."""
+    why = ORDER_UNKNOWN if sources.journal is None else BY_JOURNAL
+    found = {}
+    for name in (COMPARISON, FUSED_ESTIMATE, CALM):
+        row = next(row for row in TOPICS if row.name == name)
+        topic = sources.topics.topic(name, row.type)
+        count = (reader.topics()[topic].count or 0) if topic is not None else 0
+        if topic is not None and count and sources.estimate is not None:
+            tally = Tally(topic)
+            tally.leave_out(count, why)
+            found[name] = tally.result()
+    return found
 
 
 def _taken(
@@ -295,6 +327,8 @@ def _compared(sources: Sources, setting: Setting) -> Compared:
     tray = sources.topics.topic(TRAY_ESTIMATE, TRAY)
     if setting.tray is not None and tray is not None:
         found[tray] = (TRAY_ESTIMATE, (*STAMP, *tray_fields(len(setting.tray.containers))))
+    if sources.journal is None and sources.comparison is not None and setting.limits.camera:
+        found[sources.comparison] = (COMPARISON, (*STAMP, *COMPARED, STALE))
     return found
 
 
@@ -343,6 +377,9 @@ def _hand_over(
         name, _ = compared[batch.topic]
         if name == ESTIMATE:  # what depends on other publishers is not in a recording
             columns = {**columns, "flags": columns["flags"] & ~_UNRECORDED}
+        elif name == COMPARISON:  # without an image it follows the monitor's own clock
+            has_image = ~columns[STALE].astype(bool)
+            columns = {key: column[has_image] for key, column in columns.items()}
         stream.add_recorded(name, columns)
 
 
@@ -360,7 +397,7 @@ def _origin(
 ) -> Origin:
     """Returns the known reasons why the replay may differ from the recording."""
     if started is None or recorded is None:
-        return Origin()
+        return Origin(() if journaled else (ORDER_UNKNOWN,))
     causes = settings.model_differences(recorded, used)
     code = sources_digest(*SOURCES)
     if started.code != code:

@@ -17,7 +17,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Integers
 from slosh_metrics.motion_spans import MotionFinder
-from slosh_msgs_py.topics import ESTIMATE, TRAY_ESTIMATE
+from slosh_msgs_py.topics import COMPARISON, ESTIMATE, TRAY_ESTIMATE
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.recording.inputs import stamps_of
 from slosh_replay.recording.states import RecordedState
@@ -27,7 +27,13 @@ from slosh_replay.replay.replayed_estimator import ReplayedEstimator
 from slosh_replay.replay.series import Series, chosen, joined
 from slosh_replay.replay.setting import NO_MEASUREMENTS, Setting
 from slosh_replay.replay.unrelated import Alignment, align
-from slosh_replay.replay.verification import Columns, Messages, Verifier, joined_messages
+from slosh_replay.replay.verification import (
+    Columns,
+    Messages,
+    Verifier,
+    comparison_columns,
+    joined_messages,
+)
 from slosh_replay.strays import StrayFilter
 
 BEHIND_NS = 2_000_000_000
@@ -222,7 +228,9 @@ class ReplayStream:
             released = (estimates.stamps > self._released) & (estimates.stamps <= until)
             due = chosen(estimates, released)
         self.monitor.carry(self.estimator.tray_changes)
-        self.monitor.update(due, self.estimator.models.own, measured, final=final)
+        comparisons = self.monitor.update(due, self.estimator.models.own, measured, final=final)
+        if COMPARISON in self.verifiers and comparisons:
+            self.verifiers[COMPARISON].add_replayed(*comparison_columns(comparisons))
         if due is None or estimates is None:
             return
         if len(due.stamps):

@@ -13,11 +13,17 @@ from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
 from slosh_base.types import Integers
+from slosh_estimator.comparison import Comparison
 from slosh_estimator.estimator import Estimates
 from slosh_estimator.tray_estimator import TrayEstimates
 
 Columns = Mapping[str, NDArray[Any]]
 
+ORDER_UNKNOWN = "recorded before journals: order unknown"
+"""Why messages may differ where no journal tells in which order a node took its inputs."""
+COMPARED = ("measured", "estimated_linear", "estimated_nonlinear")
+"""Heights of a comparison; MAE and ε depend on when the live monitor had started."""
+STALE = "measured_stale"
 _HEIGHTS = ("msh", "azimuth", "sh_x", "sh_y")
 _MODAL = ("modal_position", "modal_position", "modal_velocity", "modal_velocity")
 _HIGHER_MODE = re.compile(r"modal_\w+\[([2-9]|\d\d)")
@@ -97,12 +103,18 @@ class Verification:
         """Returns whether every message was reproduced within a tolerance [SI units]."""
         return not self.missing and all(value <= tolerance for value in self.largest.values())
 
+    @property
+    def unchecked_lines(self) -> tuple[str, ...]:
+        """Says how many messages were not compared, and why."""
+        return tuple(
+            f"{self.topic}: {count} not checked: {why}" for why, count in self.unchecked.items()
+        )
+
     def lines(self) -> tuple[str, ...]:
         """Returns the result of the comparison as lines of text."""
-        total = self.total
-        unchecked = [
-            f"{self.topic}: {count} not checked: {why}" for why, count in self.unchecked.items()
-        ]
+        total, unchecked = self.total, self.unchecked_lines
+        if not total:
+            return unchecked
         if self.exact:
             return (f"{self.topic}: {self.identical} of {total} messages bit for bit", *unchecked)
         lines = [
@@ -360,6 +372,17 @@ def tray_fields(count: int) -> tuple[str, ...]:
     none, whole = np.empty((0, count)), np.empty((0, count), dtype=np.int64)
     worst, readings = np.empty(0, dtype=np.int64), np.empty((0, count, 2))
     return tuple(tray_columns(TrayEstimates(none, none, whole, worst, none, readings, whole)))
+
+
+def comparison_columns(comparisons: Sequence[Comparison]) -> Messages:
+    """Returns stamps and heights of SloshComparison messages with a camera measurement."""
+    rows = [row for row in comparisons if not row.measured_stale]
+    stamps = np.fromiter((row.stamp_ns for row in rows), np.int64, len(rows))
+    columns = {
+        name: np.fromiter((getattr(row, name) for row in rows), np.float64, len(rows))
+        for name in COMPARED
+    }
+    return Messages(stamps, columns)
 
 
 def _column(topic: str, columns: Columns, field: str) -> NDArray[Any]:
