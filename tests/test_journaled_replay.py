@@ -15,6 +15,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from std_srvs.srv import Trigger
 
 from slosh_bag.bag_writer import BagWriter
+from slosh_bag.definitions import Definitions
 from slosh_bag.nodes.recorder_node import RecorderNode
 from slosh_bag.reader import BagMessage, BagReader
 from slosh_estimator.nodes.estimator_node import EstimatorNode
@@ -25,7 +26,7 @@ from slosh_msgs_py import topics
 from slosh_msgs_py.conversions import filled
 from slosh_msgs_py.stamps import to_time
 from slosh_replay.journaled.outputs import UNTAKEN
-from slosh_replay.journaled.replay import replay_journals
+from slosh_replay.journaled.replay import CHANGED, replay_journals
 from slosh_replay.replay.verification import Tally
 from slosh_testing.hearing_robot import Graph
 from slosh_testing.journaled import assert_same_by_journal
@@ -187,6 +188,21 @@ def test_a_recording_from_the_middle_of_a_run_is_compared_from_the_first_state_o
     estimates = found.verified[topics.ESTIMATE]
     assert estimates.recorded > COUNT + 100
     assert estimates.recorded + sum(estimates.unchecked.values()) == 2 * COUNT
+
+
+def test_messages_of_a_type_that_has_changed_since_are_not_checked_and_counted(
+    bag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No node is given their bytes, which it would take for others."""
+    changed, text = "slosh_msgs/msg/SloshComparison", Definitions.text
+    monkeypatch.setattr(
+        Definitions, "text", lambda one, kind: text(one, kind) + "x" * (kind == changed)
+    )
+    found = replay_journals(bag).verified
+    count = BagReader(bag).topics()[f"{CELL}/{topics.COMPARISON}"].count
+    assert found[topics.COMPARISON].unchecked == {CHANGED: count}
+    assert not found[topics.COMPARISON].total
+    assert found[topics.ESTIMATE].exact
 
 
 def test_two_processes_of_one_node_at_once_are_told(bag: Path, tmp_path: Path) -> None:

@@ -10,6 +10,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
+from slosh_bag.definitions import Definitions
+from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagMessage, BagReader
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.held_container import EMPTY
@@ -88,6 +90,7 @@ ROWS: Final[Mapping[str, Row]] = {
     ),
     "sensor": Row(SensorNode, {}, types_of(topics.FREE_SURFACE), {PAYLOAD: PAYLOAD}),
 }
+CHANGED: Final = "its message type has changed since"
 _UNTAKEN_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 """No node with a journal takes these; they are large."""
 LATE_NS: Final = 2 * SECOND
@@ -167,10 +170,26 @@ class _Replay:
         self._mixed: dict[str, None] = {}
         self._processes: list[Process] = []
         self._tallies: dict[str, Tally] = {}
+        changed = {one for one in set(self._types.values()) if self._has_changed(one)}
+        self._unread = {*_UNTAKEN_TYPES, *changed}
+        for topic, info in reader.topics().items():
+            if info.message_type in changed & self._compared:
+                self._tallies[topic] = Tally(topic)
+                self._tallies[topic].leave_out(info.count or 0, CHANGED)
+
+    def _has_changed(self, kind: str) -> bool:
+        """Returns whether a type of the recording is another one than that of the nodes' code."""
+        if self._journal not in self._types:
+            return False
+        try:
+            recorded = self._reader.typestore_of(kind).generate_msgdef(kind, ros_version=2)[0]
+            return bool(Definitions().text(kind) != recorded)
+        except SloshBagError:
+            return True  # nothing here can read it
 
     def run(self) -> JournaledReplay:
         """Reads the recording and returns the result."""
-        heard = [one for one, kind in self._types.items() if kind not in _UNTAKEN_TYPES]
+        heard = [one for one, kind in self._types.items() if kind not in self._unread]
         for message in self._reader.messages(heard) if self._journal in self._types else ():
             if message.topic == self._journal:
                 self._waiting.append(message)
@@ -259,7 +278,7 @@ class _Replay:
     def _output(self, compared: Collection[str], topic: str) -> ComparedOutput | None:
         """Creates what compares a topic; None: it was not recorded, or is not compared."""
         kind = self._types.get(topic)
-        if kind is None or kind not in compared:
+        if kind is None or kind not in compared or kind in self._unread:
             return None
         tally = self._tallies.setdefault(topic, Tally(topic))
         return ComparedOutput(self._reader, topic, kind, tally)
