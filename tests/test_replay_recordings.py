@@ -3,6 +3,7 @@
 import json
 import math
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,11 +17,13 @@ from slosh_replay.recording.heights import measurements
 from slosh_replay.recording.input_blocks import InputBlocks
 from slosh_replay.recording.sources import find_sources
 from slosh_replay.replay import replay_bag
-from slosh_replay.replay.checking import excesses
+from slosh_replay.replay.checking import RECORDED, check_result, excesses
 from slosh_replay.replay.replay_bag import feed
 from slosh_replay.replay.stream import ReplayStream
 from slosh_testing.bags import copied
 from slosh_testing.live_bag import MODEL, MS, START, TEXT, LiveBag, Quaternion
+
+BAGS = Path(__file__).parents[1] / "bags"
 
 
 @pytest.fixture
@@ -211,6 +214,22 @@ def without_input(bag, folder, first, last):
         return not (message.topic.endswith("accel") and first <= index < last)
 
     return copied(bag, folder, kept)
+
+
+def test_comparisons_without_a_journal_are_compared_and_a_difference_fails_nothing(tmp_path):
+    whole = replay_bag(BAGS / "l")
+    assert whole.verified["comparison"].exact
+    assert whole.verified["comparison"].recorded == 368
+    heights = [m.log_ns for m in BagReader(BAGS / "l").messages({"/slosh/free_surface"})]
+    without = copied(
+        BAGS / "l", tmp_path / "bag",
+        lambda m: not (m.topic == "/slosh/free_surface" and m.log_ns == heights[100]),
+    )  # fmt: skip
+    result = replay_bag(without)
+    found = result.verified["comparison"]
+    assert (found.recorded, found.missing) == (367, 1)
+    assert any("recorded before journals: order unknown" in line for line in found.lines())
+    assert check_result(result, RECORDED).passed
 
 
 def cells(tmp_path, **namespaces):

@@ -14,7 +14,7 @@ from slosh_replay.replay.accuracy import Judgement, judge
 from slosh_replay.replay.result import ReplayResult
 from slosh_replay.replay.series import Series
 from slosh_replay.replay.stream import ReplayStream
-from slosh_replay.replay.verification import Verification
+from slosh_replay.replay.verification import ORDER_UNKNOWN, Verification
 
 DRAWN = 20_000
 """Images whose heights the result holds; of a longer run it holds the extremes."""
@@ -102,10 +102,11 @@ def conclude(
 def _verified(stream: ReplayStream, origin: Origin) -> dict[str, Verification]:
     """Compares estimates with the recorded ones, by the last part of topic names.
 
-    Why estimates may differ is told of them, not of what follows from them.
+    Why estimates may differ is told of them, not of what follows from them, but for the order.
     """
+    order = tuple(cause for cause in origin.causes if cause == ORDER_UNKNOWN)
     return {
-        name: verifier.result(*(origin if name == ESTIMATE else origin._replace(causes=())))
+        name: verifier.result(*(origin if name == ESTIMATE else origin._replace(causes=order)))
         for name, verifier in stream.verifiers.items()
     }
 
