@@ -10,7 +10,7 @@ from slosh_model import Model, Rectangle
 from slosh_model.model_text import parse_model
 from slosh_replay.replay import replay_bag
 from slosh_replay.replay.output_bag import OutputBag
-from slosh_testing.live_bag import MODEL, MS, TEXT, LiveBag
+from slosh_testing.live_bag import MODEL, MS, STATE_EVERY, TEXT, LiveBag
 
 TANK = Model(Rectangle(0.09, 0.07, 0.06), modes=2).spatial().with_effect("gravity_tilt")
 SHALLOW = TEXT.replace("0.07", "0.06")
@@ -77,6 +77,23 @@ def test_with_a_journal_lost_and_late_inputs_are_left_out_without_ros(kind, tmp_
     assert found.exact, found.lines()
     assert found.recorded > 1900
     assert result.counters["not_used_live"] == len(live.unused) + 5
+
+
+@pytest.mark.parametrize("kind", ["accel", "imu", "pose"])
+@pytest.mark.parametrize("chunk", [10_000, 1_000_000])
+def test_with_a_journal_inputs_that_the_recorder_missed_cost_the_time_to_the_next_state(
+    kind, chunk, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("slosh_bag.mcap_files.mcap_file.CHUNK_BYTES", chunk)
+    live = LiveBag(kind)
+    live.journal, live.states, live.pose_window, live.checks = True, True, 0.02, True
+    live.unheard = {1130, *range(1640, 1650)}
+    _, found = verified(live.write(tmp_path / "bag"))
+    assert found.exact, found.lines()
+    why = "after inputs that are missing in the recording, until the next known state"
+    expected = sum(STATE_EVERY - index % STATE_EVERY for index in (1130, 1640))
+    assert abs(found.unchecked[why] - expected) <= 20
+    assert found.recorded + sum(found.unchecked.values()) > 2450
 
 
 @pytest.mark.parametrize("early", [0, 80])

@@ -260,14 +260,17 @@ class LiveBag:
         else:
             given = (tuple(position), self.attitude(index))
             fields = {"pose": self._pose(*given)}
-        if heard:
-            self._put(self.kind, stamp, **fields)
+        before = len(self._entries)
+        self._put(self.kind, stamp, **fields)
+        noted = [checksum(data) for *_, data in self._entries[before:]]
+        if not heard:
+            del self._entries[before:]
         found = None
         if index not in self.unused:
             arrival = stamp + self.delay(index)
             found = source.update(stamp, *given, *([arrival] if self.journal else []))
-            if heard and self.journal:
-                self._noted.append((checksum(self._entries[-1][-1]), arrival))
+            if self.journal:
+                self._noted += [(check, arrival) for check in noted]
             if len(self._noted) >= NOTED:
                 self._tell_noted()
         return found if isinstance(found, list) else [found] * (found is not None)

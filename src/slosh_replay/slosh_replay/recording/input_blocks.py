@@ -41,6 +41,7 @@ from slosh_metrics.input_checks.stamp_checks import stamp_doubts
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_msgs_py import topics
 from slosh_replay.recording.inputs import (
+    LACKING,
     LOGGED,
     PLACED_FIELDS,
     STAMP,
@@ -83,6 +84,7 @@ class InputBlocks:
     ) -> None:
         self._reader, self._taken_inputs, self.left_out = reader, taken, 0
         self._max_age_ns = round(how.gate.max_age * 1e9)
+        self._lacking: list[int] = []
         self._columns = ColumnReader(reader.typestore_of)
         self._fields = fields(sources.kind)
         self._world = how.frames[0]
@@ -108,14 +110,26 @@ class InputBlocks:
     def columns(self, blocks: Sequence[MessageBlock]) -> Columns:
         """Returns the values of the input's messages in a chunk, as columns.
 
+        LACKING is there with the journal of the recorded estimator.
+
         Args:
             blocks: of `topics`, at least one.
 
         Raises:
             SloshBagError: a message is not of its type.
         """
-        if self._taken_inputs is not None:
-            blocks = [self._in_time(self._taken_inputs, block) for block in blocks]
+        taken = self._taken_inputs
+        if taken is None:
+            return self._values(blocks)
+        columns = self._values([self._in_time(taken, block) for block in blocks])
+        lacking = np.zeros(len(columns[LOGGED]), dtype=bool)
+        places = np.searchsorted(columns[LOGGED], self._lacking)
+        lacking[places[places < len(lacking)]] = True
+        late = zip(self._lacking, places.tolist(), strict=True)
+        self._lacking = [log_ns for log_ns, place in late if place == len(lacking)]
+        return {**columns, LACKING: lacking}
+
+    def _values(self, blocks: Sequence[MessageBlock]) -> Columns:
         if self._poses is None:
             (block,) = blocks
             columns = self._columns.columns(block, self._fields)
@@ -148,7 +162,8 @@ class InputBlocks:
 
     def _in_time(self, taken: TakenInputs, block: MessageBlock) -> MessageBlock:
         """Returns the messages that the recorded estimator took, and not too late."""
-        arrivals = taken.arrivals(block)
+        arrivals, lacking = taken.arrivals(block)
+        self._lacking += block.log_ns[lacking].tolist()
         kept = arrivals != NOT_TAKEN
         if kept.any() and _row(topics.TF).type != block.message_type:
             late = arrivals - stamps_of(self._columns.columns(block, STAMP))

@@ -52,6 +52,8 @@ STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 """Fields of every message with a header that `stamps_of` reads."""
 LOGGED = "logged"
 """Column beside the messages' fields: when each was recorded [ns]."""
+LACKING = "lacking"
+"""Column beside them: whether inputs before it lack that the estimator took."""
 
 
 def recorded_inputs(starts: Sequence[NodeStart], facts: Mapping[str, str]) -> InputSettings:

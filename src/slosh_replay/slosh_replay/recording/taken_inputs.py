@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -18,8 +18,21 @@ UNKNOWN, NOT_TAKEN = -1, -2
 """In place of a time: no journal covers the message; one does, and does not name it."""
 LATE_NS: Final = 2 * SECOND
 """A message may be noted so long after it was recorded, ..."""
+_MOST_UNSEEN: Final = 20_000
 KEPT_NS: Final = 30 * SECOND
 """... and be recorded so long after it was noted."""
+
+
+class Arrivals(NamedTuple):
+    """When messages were taken.
+
+    Attributes:
+        times: (N,) UNKNOWN, NOT_TAKEN or the time [ns].
+        lacking: rows before which messages lack that the estimator took.
+    """
+
+    times: Integers
+    lacking: list[int]
 
 
 class TakenInputs:
@@ -39,24 +52,34 @@ class TakenInputs:
         self._journals: Iterator[BagMessage] = reader.messages([journal])
         self._next: BagMessage | None = next(self._journals, None)
         self._times: dict[tuple[str, int], int] = {}
+        self._unseen: dict[str, deque[int]] = {}
         self._count = 0
         self._until_ns = -(2**62)  # the journals are complete up to here
         self._holes: deque[tuple[int, int]] = deque()
         self.begun_ns = 2**62
 
-    def arrivals(self, block: MessageBlock) -> Integers:
-        """Returns when each message of a block was taken, UNKNOWN or NOT_TAKEN, (N,) [ns]."""
+    def arrivals(self, block: MessageBlock) -> Arrivals:
+        """Returns when the messages of a block were taken, and before which of them some lack."""
         self._read(int(block.log_ns[-1]) + LATE_NS)
-        return np.array(
-            [
-                self._arrival(block.topic, block.data(row), log_ns)
-                for row, log_ns in enumerate(block.log_ns.tolist())
-            ],
-            dtype=np.int64,
-        )
+        checks = [checksum(block.data(row)) for row in range(len(block))]
+        rows = zip(checks, block.log_ns.tolist(), strict=True)
+        times = [self._arrival(block.topic, check, log_ns) for check, log_ns in rows]
+        return Arrivals(np.array(times, np.int64), self._lacking(block.topic, checks))
 
-    def _arrival(self, topic: str, data: bytes, log_ns: int) -> int:
-        found = self._times.get((topic, checksum(data)))
+    def _lacking(self, topic: str, checks: list[int]) -> list[int]:
+        """Returns the rows before which messages lack that the estimator took."""
+        found, here = [], set(checks)
+        waiting = self._unseen.setdefault(topic, deque())
+        for row, check in enumerate(checks):
+            if (topic, check) not in self._times or check not in waiting:
+                continue
+            before = list(iter(waiting.popleft, check))
+            if not here.issuperset(before):
+                found.append(row)
+        return found
+
+    def _arrival(self, topic: str, check: int, log_ns: int) -> int:
+        found = self._times.get((topic, check))
         if found is not None:
             return found
         unknown = log_ns > self._until_ns or any(a <= log_ns <= b for a, b in self._holes)
@@ -83,5 +106,7 @@ class TakenInputs:
             if entry.topic:
                 self._times.pop((entry.topic, entry.check), None)
                 self._times[entry.topic, entry.check] = entry.now_ns
+                unseen = self._unseen.setdefault(entry.topic, deque(maxlen=_MOST_UNSEEN))
+                unseen.append(entry.check)
                 self._until_ns = max(self._until_ns, entry.now_ns)
                 self.begun_ns = min(self.begun_ns, entry.now_ns)

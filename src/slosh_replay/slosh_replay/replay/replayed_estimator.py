@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -15,7 +16,7 @@ from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sampling import modes_of
 from slosh_estimator.tray_estimator import TrayEstimator
 from slosh_model.tray import Tray
-from slosh_replay.recording.inputs import LOGGED, settings_of_start
+from slosh_replay.recording.inputs import LACKING, LOGGED, settings_of_start
 from slosh_replay.recording.settings import NodeStart, model_of, starts_at_rest, tray_of
 from slosh_replay.recording.states import RecordedState
 from slosh_replay.replay.model_set import ModelHeights, ModelSet
@@ -29,6 +30,7 @@ from slosh_replay.replay.verification import (
 )
 
 AT_FIRST: Final = "before the first known state"
+MISSING: Final = "after inputs that are missing in the recording, until the next known state"
 
 
 class ReplayedEstimator:
@@ -53,7 +55,7 @@ class ReplayedEstimator:
         self._tray = setting.tray
         self._others = self._new_others(setting.at_rest)
         self.tray_changes: list[tuple[int, Tray]] = []
-        self._until_ns = 0
+        self._until_ns = self._given_ns = 0
         self.untaken = ""
         self._changes = list(setting.changes)
         self._states: list[RecordedState] = []
@@ -77,12 +79,31 @@ class ReplayedEstimator:
         return max([self.setting.reader.max_gap_ns, *gaps])
 
     def add_states(self, states: Sequence[RecordedState]) -> None:
-        """Adds recorded states; the first is taken up where the recording begins late."""
-        if self._unknown:
-            self._states += states
+        """Adds recorded states; one is taken up where the recording begins late or has a hole."""
+        self._states += states
 
     def update(self, inputs: Messages) -> list[ModelHeights]:
         """Processes the next inputs; returns the heights of all models."""
+        lacking = np.flatnonzero(inputs.columns.get(LACKING, ())).tolist()
+        found = []
+        for begin, end in pairwise([0, *lacking, len(inputs.stamps)]):
+            given = self._update(inputs.rows(slice(begin, end)))
+            self._given_ns = max(self._given_ns, *(int(one.stamps[-1]) for one in given), 0)
+            found += given
+            if end in lacking:
+                self._lose(self._given_ns)
+        if len(inputs.stamps):
+            last_ns = int(inputs.stamps[-1])
+            self._states = [state for state in self._states if state.stamp_ns >= last_ns]
+        return found
+
+    def _lose(self, after_ns: int) -> None:
+        """Marks estimates after a stamp as not comparable, until the next recorded state."""
+        for verifier in filter(None, self._verifiers) if not self._unknown else ():
+            verifier.lose(after_ns, MISSING)
+        self._unknown = True
+
+    def _update(self, inputs: Messages) -> list[ModelHeights]:
         stamps, columns = inputs
         count = len(stamps)
         if not count:
@@ -130,7 +151,6 @@ class ReplayedEstimator:
             place = int(np.searchsorted(stamps, state.stamp_ns))
             if place < len(stamps) and stamps[place] == state.stamp_ns:
                 self._unknown = False
-                self._states.clear()
                 return [(place + 1, partial(self._take_up, state))]
         return []
 
