@@ -275,13 +275,11 @@ def observer_state(message: ObserverStateMessage) -> ObserverState:
     """Returns the observer's state that a message holds."""
     known = (message.corrected_stamp, message.judged_stamp, message.sensed_stamp)
     corrected, judged, sensed = (None if stamp < 0 else stamp for stamp in known)
-    numbers = (
-        message.model, message.parameters, message.covariance, message.changes, message.past
-    )  # fmt: skip
     return ObserverState(
         to_nanoseconds(message.header.stamp), message.first_stamp, corrected, judged,
         tuple(message.counts), message.rejected_in_turn, message.anchored_at,
-        *map(np.array, numbers), message.sensed, sensed,
+        np.array(message.model), np.array(message.parameters), np.array(message.covariance),
+        np.array(message.changes), np.array(message.past), message.sensed, sensed,
     )  # fmt: skip
 
 
