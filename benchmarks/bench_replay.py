@@ -51,7 +51,7 @@ from slosh_model.shapes.cylinder import Cylinder
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.replay import ReplayResult, replay_bag
 from slosh_replay.replay.monitor_feed import MonitoredHeights, MonitorFeed
-from slosh_replay.replay.verification import estimate_columns
+from slosh_replay.replay.verification import COMPARED, estimate_columns
 
 REAL_TIME_GOAL = 100.0
 DECODE_GOAL = 0.5
@@ -78,7 +78,6 @@ PARAMETERS = {
         "warn_share": 0.8, "release": 0.9, "hold": 0.1, "timeout": 0.3, "buffer": 2.0,
     },
 }  # fmt: skip
-COMPARED = ("measured", "estimated_linear", "estimated_nonlinear")
 Columns = dict[str, Any]
 
 
