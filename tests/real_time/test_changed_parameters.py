@@ -51,6 +51,9 @@ class Cell(HearingRobot):
         )
         # What comes before the recorder listens would lack in the bag.
         self.until(lambda: all(self._is_read(topic, nodes) for topic in READERS))
+        if any(process.name == "monitor" for process in nodes):
+            # It learns the rim from the estimator: before the first input, or that is a change.
+            self.until(lambda: self.fact("monitor", "rim [mm]"), "the rim")
         self.node.create_timer(1.0 / RATE, self._move)
         self.until(lambda: self._sent > STILL + 20 and len(self.estimates) > 20)
 
