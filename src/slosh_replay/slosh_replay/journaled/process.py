@@ -62,6 +62,10 @@ class Process:
             self._take(Taken(source, b"", now_ns, steady_ns))
         self._lose(LONG_AGO)
 
+    def speaks_on(self, topic: str) -> bool:
+        """Returns whether the node publishes on a topic."""
+        return topic in self._outputs
+
     def publishes(self, topic: str) -> None:
         """Is told each topic that the node publishes."""
         self._outputs[topic] = self._output(topic)
@@ -94,6 +98,7 @@ class Process:
         except (ValueError, TypeError, LookupError, OSError) as error:
             self._node = None
             self.notes.lacking = f"usable settings: {error}"
+            self._lose(LONG_AGO)
 
     def _take(self, taken: Taken) -> None:
         node = self._node

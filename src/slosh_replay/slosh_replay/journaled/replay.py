@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections import defaultdict, deque
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -25,7 +26,7 @@ from slosh_msgs_py import topics
 from slosh_msgs_py.journal_format import begun_ns
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.offline import Place
-from slosh_replay.journaled.outputs import ComparedOutput, Recorded
+from slosh_replay.journaled.outputs import UNTAKEN, ComparedOutput, Recorded
 from slosh_replay.journaled.process import LONG_AGO, Process, State
 from slosh_replay.journaled.taken import ProcessNotes, RecentMessages
 from slosh_replay.recording.settings import NodeStart, last_of_each, read_starts
@@ -207,11 +208,22 @@ class _Replay:
             NodeReplay(one.node, one.notes.taken, one.notes.lacking) for one in self._processes
         ]
         found = {
-            topic.removeprefix(f"{self._cell}/"): tally.result()
+            topic.removeprefix(f"{self._cell}/"): self._named(topic, tally.result())
             for topic, tally in self._tallies.items()
         }
         verified = {name: one for name, one in found.items() if one.total or one.unchecked}
         return JournaledReplay(tuple(processes), verified, tuple(self._mixed))
+
+    def _named(self, topic: str, result: Verification) -> Verification:
+        """Returns the result with the first thing that the recording lacks of what a node took."""
+        lacking = [one.notes.lacking for one in self._processes if one.speaks_on(topic)]
+        first = next(filter(None, lacking), "")
+        if not first or UNTAKEN not in result.unchecked:
+            return result
+        told = {
+            why + f", first {first}" * (why == UNTAKEN): n for why, n in result.unchecked.items()
+        }
+        return replace(result, unchecked=told)
 
     def _keep(self, message: BagMessage) -> None:
         """Keeps what a node may have published; of what none does, the last."""
