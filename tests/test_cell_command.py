@@ -19,8 +19,8 @@ from slosh_bringup.watch.recording import RecordedFrames
 from slosh_msgs.msg import SloshEstimate
 from slosh_replay.in_force import in_force, last_starts
 from slosh_replay.recorded_run import RecordedRun
-from slosh_replay.replay import replay_bag
 from slosh_tables.motion_table import MotionTable, write_motion_table
+from slosh_testing.journaled import replayed_by_journal
 from slosh_testing.live_processes import live_process, recorded, robot
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "l"
@@ -191,7 +191,7 @@ def test_a_cell_goes_on_when_its_nodes_are_killed(domain, tmp_path, write_cell):
     assert f"it is restarted, recording to {folder.resolve() / 'bag_2'}" in running.said
     assert estimates_of(folder / "bag")[0].flags & SETTLING == 0
     assert holds(folder / "bag_2", SETTLING)
-    verification = replay_bag(folder / "bag").verification
+    verification = replayed_by_journal(folder / "bag").verification
     assert verification.exact, verification.lines()
 
 
@@ -218,7 +218,7 @@ def test_a_node_that_was_stopped_and_goes_on_is_told_and_settles(domain, tmp_pat
     assert stamps[pause + 1] - stamps[pause] > 2.0
     assert estimates[pause].flags & SETTLING == 0
     assert estimates[pause + 1].flags & SETTLING
-    verification = replay_bag(folder / "bag").verification
+    verification = replayed_by_journal(folder / "bag").verification
     assert verification.exact, verification.lines()
 
 
@@ -277,7 +277,7 @@ def test_a_cell_without_a_camera_is_a_whole_cell(domain, tmp_path, said):
     page = (folder / "report.html").read_text()
     assert "there is nothing to compare the models with" not in page
     assert "highest estimated" in page
-    replayed = replay_bag(folder / "bag")
+    replayed = replayed_by_journal(folder / "bag")
     assert replayed.verification.exact, replayed.verification.lines()
     assert {event.source.name for event in replayed.events} == {"ESTIMATED"}
     assert len(replayed.stamps) > 50  # what the page draws

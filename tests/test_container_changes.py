@@ -26,9 +26,8 @@ from slosh_msgs_py import qos, topics
 from slosh_msgs_py.images import image_message
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
 from slosh_plan import HeightLimits, Trajectory, predict
-from slosh_replay.replay import replay_bag
 from slosh_testing.hearing_robot import HearingRobot
-from slosh_testing.journaled import assert_same_by_journal
+from slosh_testing.journaled import assert_same_by_journal, replayed_by_journal
 from slosh_testing.robot import nodes_and_robot
 
 pytestmark = [pytest.mark.timeout(200), pytest.mark.long]
@@ -136,8 +135,8 @@ def test_a_tray_over_dds_names_the_worst_and_is_replayed(tmp_path: Path, domain:
             turn(robot, imu, last_ns)
             far = lambda: robot.health["monitor"][1].get("container far", "")  # noqa: E731
             robot.until(lambda: far().endswith("rim 30.0 mm"), "the mug's rim")
-        verified = replay_bag(tmp_path / "bag").verified
         assert_same_by_journal(tmp_path / "bag")
+        verified = replayed_by_journal(tmp_path / "bag").verified
         for name in (topics.ESTIMATE, topics.TRAY_ESTIMATE):
             assert verified[name].exact, verified[name].lines()
     finally:
@@ -221,8 +220,8 @@ def check(bag: Path, cycles: int) -> None:
             break
     assert [one.present for one in told] == [True, *[True, False] * cycles]
     assert [one.fill_height for one in told[1::2]] == list(FILLS)
-    found = replay_bag(bag).verification
     assert_same_by_journal(bag, ("estimator", "monitor"))
+    found = replayed_by_journal(bag).verification
     assert found is not None
     assert found.exact, found.lines()
     stamps = [to_nanoseconds(one.header.stamp) for one in told]

@@ -17,10 +17,9 @@ from sensor_msgs.msg import Imu
 from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
-from slosh_replay.replay import replay_bag
 from slosh_testing.hearing_robot import HearingRobot
 from slosh_testing.joint_driver import acceleration, cup_position, quaternion, swung
-from slosh_testing.journaled import assert_same_by_journal
+from slosh_testing.journaled import assert_same_by_journal, replayed_by_journal
 
 pytestmark = pytest.mark.timeout(200)
 TEXT = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\n"
@@ -73,8 +72,8 @@ def check(found: np.ndarray, folder: Path, share: float = 0.02) -> None:
     # Who subscribes to transforms late hears the motion from there on.
     assert len(found) > 0.6 * len(TIMES)
     assert np.abs(found[:, 1:] - true).max() < share * np.abs(true).max()
-    verification = replay_bag(folder / "bag").verification
     assert_same_by_journal(folder / "bag")
+    verification = replayed_by_journal(folder / "bag").verification
     assert verification is not None
     assert verification.exact, verification.lines()
 

@@ -9,13 +9,12 @@ import yaml
 from geometry_msgs.msg import AccelStamped, TwistStamped
 
 from slosh_bringup.processes import config_folder
-from slosh_bringup.replay.replayed_governor import governor_row
 from slosh_bringup.watch.recording import RecordedFrames
 from slosh_msgs.msg import GovernedMotion
 from slosh_msgs_py import topics
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
-from slosh_replay import replay_bag
 from slosh_testing.hearing_robot import Graph
+from slosh_testing.journaled import replayed_by_journal
 from slosh_testing.live_processes import live_process
 
 LIMIT, RATE = 0.012, 50.0
@@ -28,12 +27,20 @@ class Robot(Graph):
     def __init__(self):
         super().__init__("robot", topics.NAMESPACE)
         self.moved = []
-        self.speed = 0.0
+        self.speed, self.heard = 0.0, False
         self.commands = self.publisher(TwistStamped, topics.DESIRED_TWIST)
         self.accel = self.publisher(AccelStamped, topics.ACCEL)
         self.node.create_subscription(GovernedMotion, topics.GOVERNED_MOTION, self.move, 10)
 
+    def await_recorder(self):
+        """Moves only once governor, estimator and recorder hear it: all must be recorded."""
+        sent = (self.commands, self.accel)
+        self.until(lambda: all(one.get_subscription_count() >= 2 for one in sent), "the recorder")
+        self.heard = True
+
     def move(self, governed):
+        if not self.heard:
+            return
         self.moved.append(governed)
         message = AccelStamped()
         # A robot interpolates by its own clock, whose steps are even.
@@ -65,6 +72,7 @@ def test_a_robot_that_follows_the_governor_spills_nothing(domain, tmp_path):
         with live_process(*words, output=tmp_path / "words") as running:
             running.wait_until_ready()
             robot = Robot()
+            robot.await_recorder()
             robot.follow(0.0, 30)
             for speed in (0.6, -0.6, 0.05):
                 robot.follow(speed, 40)
@@ -75,7 +83,7 @@ def test_a_robot_that_follows_the_governor_spills_nothing(domain, tmp_path):
     finally:
         rclpy.try_shutdown()
     bag = tmp_path / "out" / "latest" / "bag"
-    result = replay_bag(bag, further=[governor_row()])
+    result = replayed_by_journal(bag)
     found = result.verified[topics.GOVERNED_MOTION]
     assert found.exact, found.lines()
     assert found.recorded > 150

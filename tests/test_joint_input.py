@@ -18,10 +18,9 @@ from slosh_model.simulate import Inputs, simulate
 from slosh_msgs.msg import SloshEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
-from slosh_replay.replay import replay_bag
 from slosh_testing.hearing_robot import HearingRobot
 from slosh_testing.joint_driver import JOINTS, RAIL_URDF, acceleration, swung
-from slosh_testing.journaled import assert_same_by_journal
+from slosh_testing.journaled import assert_same_by_journal, replayed_by_journal
 
 pytestmark = [
     pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)"),
@@ -115,8 +114,8 @@ def test_joints_of_two_drivers_live_and_replayed(tmp_path: Path, domain: int) ->
     assert true.max() > 0.005
     assert np.sqrt(np.mean((msh - true) ** 2)) < 0.02 * true.max()
     assert not any(one.flags for one in driver.estimates[len(t) // 2 :])
-    result = replay_bag(bag)
     assert_same_by_journal(bag)
+    result = replayed_by_journal(bag)
     assert result.verification is not None
     assert result.verification.exact
     assert result.counters["samples_used"] > 350

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from slosh_bag.errors import SloshBagError
 from slosh_bringup.live.report import REPORT, RESULT, make_live_report
 from slosh_camera.measurement import Flag
+from slosh_replay.replay import replay_bag
 from slosh_testing.live_bag import MS, LiveBag
 
 BAGS = Path(__file__).parents[1] / "bags"
@@ -95,6 +97,26 @@ def test_no_bag_at_all_is_a_report_too(tmp_path):
     assert found.reasons[1].startswith("nothing was recorded: ")
     assert "node recorder ended" in (tmp_path / REPORT).read_text()
     assert json.loads((tmp_path / RESULT).read_text())["nothing_because"] == list(found.reasons)
+
+
+def test_a_recording_that_is_not_reproduced_is_a_failure(monkeypatch):
+    """With the same lines as `slosh replay --check` has."""
+
+    def with_a_difference(run, replay=replay_bag):
+        found = replay(run)
+        one = replace(found.verification, identical=found.verification.recorded - 1)
+        return replace(found, verified={**found.verified, "estimate": one})
+
+    monkeypatch.setattr("slosh_bringup.live.report.replay_bag", with_a_difference)
+    monkeypatch.setattr("slosh_bringup.live.report.checked_by_journal", lambda found, run: found)
+    found = make_live_report(BAGS / "l", "Cell", began=True, events=False)
+    assert any("bit for bit, 1 differ" in line for line in found.result.failures)
+    assert set(found.result.failures) <= set(found.result.warnings)
+    assert '"verdict": "failed"' in found.text
+
+
+def test_a_recording_that_is_reproduced_is_none():
+    assert make_live_report(BAGS / "l", "Cell").result.failures == ()
 
 
 def test_a_recording_that_cannot_be_replayed_is_a_failure(monkeypatch):

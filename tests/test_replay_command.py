@@ -29,7 +29,7 @@ def recorded(tmp_path_factory):
     for name, height in (("a", 1.0), ("b", 1.1), ("c", 1.2)):
         live = LiveBag()
         live.height = height
-        live.unused = {700, 701} if name == "b" else ()
+        live.unrecorded = {700, 701} if name == "b" else ()
         live.write(folder / name, seconds=1.0)
     return folder
 

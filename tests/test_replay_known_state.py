@@ -10,7 +10,6 @@ from slosh_bag.reader import BagReader
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.constants import GRAVITY
 from slosh_replay.replay import replay_bag
-from slosh_replay.replay.known_state import LATER
 from slosh_testing.live_bag import MODEL, START, LiveBag
 from tests.test_replay_verification import TANK
 
@@ -54,25 +53,6 @@ def test_poses_with_a_chosen_window_go_on_with_the_same_bits(every, tmp_path):
     assert sum(found.unchecked.values()) < found.recorded
 
 
-LATE = ((0, 316, 4), (516, 601, 2), (601, 796, 4), (1243, 1580, 4))
-"""Of a busy machine: from and to which input the live node got one in so many in time."""
-
-
-@pytest.mark.parametrize("late", [LATE, ((0, 1300, 4),), ((0, 600, 20),)])
-def test_inputs_that_came_too_late_live_neither_set_time_back_nor_differ(late, tmp_path):
-    live = LiveBag("pose")
-    live.states, live.pose_window, live.every, live.checks = True, 0.0, 5, True
-    live.unused = {
-        index
-        for start, end, share in late
-        for index in range(start, end)
-        if index % 5 == 0 and (index // 5) % share
-    }
-    found = replay_bag(live.write(tmp_path / "bag")).verification
-    assert found.exact, found.lines()
-    assert found.recorded > 0.4 * (found.recorded + sum(found.unchecked.values()))
-
-
 @pytest.mark.first(1)
 @pytest.mark.parametrize("model", [TANK, REMEMBERING], ids=["tank", "remembering"])
 def test_the_state_is_all_that_the_answers_depend_on(model, tmp_path):
@@ -89,27 +69,6 @@ def test_the_state_that_is_not_known_is_said_so_in_the_estimates(tmp_path):
     (row,) = [row for row in result.accuracy if row.name == "3D-NL"]
     assert row.sigma == pytest.approx(0.0, abs=1e-15)
     assert row.count == 172  # of 188 images behind the beginning
-
-
-def test_inputs_that_are_lacking_cost_the_time_to_the_next_state(tmp_path):
-    live = LiveBag()
-    live.states = True
-    live.unheard = range(1130, 1140)
-    found = replay_bag(live.write(tmp_path / "bag")).verification
-    assert found.exact, found.lines()
-    why = "after inputs that are missing in the recording, until the next known state"
-    assert found.unchecked == {why: 1250 - 1129}
-    assert found.recorded == 2500 - (1250 - 1129)
-
-
-def test_a_restart_in_a_hole_is_known_by_the_next_state(tmp_path):
-    live = LiveBag()
-    live.states = True
-    live.restarts = {1130}
-    live.unheard = live.unrecorded = range(1130, 1140)
-    found = replay_bag(live.write(tmp_path / "bag")).verification
-    assert found.exact, found.lines()
-    assert sum(found.unchecked.values()) == 1251 - 1140
 
 
 @pytest.mark.first(1)
@@ -130,31 +89,6 @@ def test_doubts_about_the_input_come_again_bit_for_bit(kind, late, tmp_path):
     assert flags[-1] & EstimateFlag.INPUT_DOUBTFUL
     # A second of rest is at the beginning: from then on all are flagged.
     assert all(flag & EstimateFlag.INPUT_DOUBTFUL for flag in flags[500:])
-
-
-@pytest.mark.first(1)
-@pytest.mark.parametrize(("first", "last", "unchecked"), [(1201, 2500, 1300), (2500, 2500, 1)])
-@pytest.mark.parametrize("states", [True, False])
-def test_an_edited_counter_of_inputs_is_not_called_bit_for_bit(
-    first, last, unchecked, states, tmp_path
-):
-    """By 7 from one estimate on, or of the last one: inputs that no recording of them holds."""
-    live = LiveBag()
-    live.checks, live.states = True, states
-    put = live._put
-
-    def edited(kind, *given, **fields):
-        if kind == "estimate" and first <= fields["samples_used"] <= last:
-            fields["samples_used"] += 7
-        put(kind, *given, **fields)
-
-    live._put = edited
-    found = replay_bag(live.write(tmp_path / "bag")).verification
-    told = (
-        f"{unchecked} not checked: after inputs that" if states else "samples_used increases 1 tim"
-    )
-    assert any(told in line for line in found.lines()), found.lines()
-    assert found.exact == states
 
 
 @pytest.mark.first(1)
@@ -211,16 +145,6 @@ def test_inputs_that_are_lacking_for_long_at_the_end_are_told(tmp_path):
     found = replay_bag(live.write(tmp_path / "bag")).verification
     assert not found.exact
     assert found.missing > 300
-
-
-@pytest.mark.parametrize("kind", ["accel", "pose"])
-def test_a_state_behind_the_last_input_is_no_fault(kind, tmp_path):
-    live = LiveBag(kind)
-    live.states = True
-    live.unheard = range(1440, 1460)  # unknown from there to the state at the end
-    result = replay_bag(live.write(tmp_path / "bag", 1.002))
-    assert result.verification.exact, result.verification.lines()
-    assert LATER in result.verification.unchecked
 
 
 def test_a_few_long_intervals_are_not_the_rate_of_the_input(tmp_path):

@@ -30,7 +30,7 @@ def seen(headless, tmp_path_factory):
     """
     folder = tmp_path_factory.mktemp("pages")
     live = LiveBag()
-    live.height, live.camera_gap, live.unused = 1.1, (2.2, 2.6), {700, 701}
+    live.height, live.camera_gap, live.unrecorded = 1.1, (2.2, 2.6), {700, 701}
     live.write(folder / "bags" / "cup", seconds=2.0)
     live.topics = {"accel", "estimate", "settings"}
     live.write(folder / "blind")

@@ -10,7 +10,7 @@ from slosh_model import Model, Rectangle
 from slosh_model.model_text import parse_model
 from slosh_replay.replay import replay_bag
 from slosh_replay.replay.output_bag import OutputBag
-from slosh_testing.live_bag import MODEL, TEXT, LiveBag
+from slosh_testing.live_bag import MODEL, MS, STATE_EVERY, TEXT, LiveBag
 
 TANK = Model(Rectangle(0.09, 0.07, 0.06), modes=2).spatial().with_effect("gravity_tilt")
 SHALLOW = TEXT.replace("0.07", "0.06")
@@ -52,6 +52,58 @@ def test_estimates_that_the_recorder_missed_are_replayed(live, tmp_path):
     _, found = verified(live.write(tmp_path / "bag"))
     assert found.exact
     assert (found.recorded, found.extra) == (2497, 3)
+
+
+def test_without_a_journal_a_lost_input_leaves_the_order_unknown(live, tmp_path):
+    """The recorder heard inputs that the live estimator lost: no guess hides that."""
+    live.unused = {1200, 1201}
+    result, found = verified(live.write(tmp_path / "bag"))
+    assert not found.exact
+    assert (found.recorded, found.missing) == (2498, 0)
+    assert found.identical >= 1200
+    assert any("recorded before journals: order unknown" in line for line in found.lines())
+    assert result.counters["not_used_live"] == 2
+
+
+@pytest.mark.parametrize("kind", ["accel", "imu", "pose"])
+def test_with_a_journal_lost_and_late_inputs_are_left_out_without_ros(kind, tmp_path, monkeypatch):
+    """The live estimator lost some, also more than a chunk, and took others too late."""
+    monkeypatch.setattr("slosh_bag.mcap_files.mcap_file.CHUNK_BYTES", 10_000)
+    live = LiveBag(kind)
+    live.journal, live.pose_window, live.checks = True, 0.02, True
+    live.unused = {700, 701, *range(1200, 1210), *range(1800, 2200)}
+    live.delay = lambda index: 600 * MS if 1500 <= index < 1505 else 2 * MS
+    result, found = verified(live.write(tmp_path / "bag"))
+    assert found.exact, found.lines()
+    assert found.recorded > 1900
+    assert result.counters["not_used_live"] == len(live.unused) + 5
+
+
+@pytest.mark.parametrize("kind", ["accel", "imu", "pose"])
+@pytest.mark.parametrize("chunk", [10_000, 1_000_000])
+def test_with_a_journal_inputs_that_the_recorder_missed_cost_the_time_to_the_next_state(
+    kind, chunk, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("slosh_bag.mcap_files.mcap_file.CHUNK_BYTES", chunk)
+    live = LiveBag(kind)
+    live.journal, live.states, live.pose_window, live.checks = True, True, 0.02, True
+    live.unheard = {1130, *range(1640, 1650)}
+    _, found = verified(live.write(tmp_path / "bag"))
+    assert found.exact, found.lines()
+    why = "after inputs that are missing in the recording, until the next known state"
+    expected = sum(STATE_EVERY - index % STATE_EVERY for index in (1130, 1640))
+    assert abs(found.unchecked[why] - expected) <= 20
+    assert found.recorded + sum(found.unchecked.values()) > 2450
+
+
+@pytest.mark.parametrize("early", [0, 80])
+def test_an_estimate_that_is_heard_before_its_input_begins_no_late_recording(
+    live, tmp_path, early
+):
+    live.estimate_lag = lambda index: -early * MS
+    _, found = verified(live.write(tmp_path / "bag"))
+    assert found.exact, found.lines()
+    assert not found.unchecked
 
 
 def test_another_model_in_the_run_is_loaded_at_its_moment(live, tmp_path):

@@ -15,10 +15,9 @@ from slosh_estimator.robot import available
 from slosh_msgs.msg import SloshEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_time
-from slosh_replay.replay import replay_bag
 from slosh_testing.hearing_robot import HearingRobot
 from slosh_testing.joint_driver import JOINTS, RAIL_URDF, felt_on_cup, swung
-from slosh_testing.journaled import assert_same_by_journal
+from slosh_testing.journaled import assert_same_by_journal, replayed_by_journal
 
 pytestmark = [
     pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)"),
@@ -108,8 +107,8 @@ def test_a_sensor_turned_about_the_vertical_is_named_after_one_motion(
                 if k and e.flags != arm.estimates[k - 1].flags
             ],
         )
-    result = replay_bag(bag)
     assert_same_by_journal(bag)
+    result = replayed_by_journal(bag)
     assert result.verification is not None
     assert result.verification.exact
 

@@ -20,8 +20,8 @@ from slosh_msgs.msg import LimitEvent, SloshEstimate
 from slosh_msgs.srv import ChangeContainer
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
-from slosh_replay.replay import replay_bag
 from slosh_testing.hearing_robot import Graph
+from slosh_testing.journaled import replayed_by_journal
 
 MS = 1_000_000
 CELLS = {"/left": (0.03, 1.0), "/middle": (0.04, 2.0), "/right": (0.05, 3.0)}
@@ -119,7 +119,7 @@ def test_one_recording_of_all_three_is_replayed_cell_by_cell(hall: Hall) -> None
     hall.until(lambda: all(written().get(f"{name}/estimate", 0) >= 199 for name in CELLS))
     recorder.close()
     for name in CELLS:
-        found = replay_bag(bag, cell=name).verification
+        found = replayed_by_journal(bag, name).verification
         assert found is not None
         assert found.topic == f"{name}/estimate"
         assert found.exact, found.lines()

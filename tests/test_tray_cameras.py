@@ -22,6 +22,7 @@ from slosh_msgs_py.stamps import to_nanoseconds, to_time
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.replay import replay_bag
 from slosh_testing.hearing_robot import HearingRobot
+from slosh_testing.journaled import replayed_by_journal
 
 CUP = "container: {shape: cylinder, radius: 0.03, fill_height: 0.05, rim_height: 0.1}\n"
 TRAY = "containers:\n" + "".join(
@@ -140,7 +141,7 @@ def check(cameras: Cameras, bag: Path) -> None:
     assert all(event.description.startswith("container far: measured") for event in high)
     numbers = [event.id for event in cameras.events if event.kind == LimitEvent.KIND_START]
     assert len(set(numbers)) == len(numbers)
-    verified = replay_bag(bag).verified
+    verified = replayed_by_journal(bag).verified
     for name in (topics.TRAY_ESTIMATE, "comparison_near", "comparison_far"):
         assert verified[name].exact, verified[name].lines()
     assert verified["comparison_far"].recorded > 60

@@ -16,8 +16,8 @@ from slosh_msgs.msg import FreeSurface, LimitEvent
 from slosh_msgs.srv import PredictSlosh
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds
-from slosh_replay.replay import replay_bag
 from slosh_testing.hearing_robot import HearingRobot
+from slosh_testing.journaled import replayed_by_journal
 
 RATE = 200
 IMAGE_EVERY = 4
@@ -51,6 +51,9 @@ class Cell(HearingRobot):
         )
         # What comes before the recorder listens would lack in the bag.
         self.until(lambda: all(self._is_read(topic, nodes) for topic in READERS))
+        if any(process.name == "monitor" for process in nodes):
+            # It learns the rim from the estimator: before the first input, or that is a change.
+            self.until(lambda: self.fact("monitor", "rim [mm]"), "the rim")
         self.node.create_timer(1.0 / RATE, self._move)
         self.until(lambda: self._sent > STILL + 20 and len(self.estimates) > 20)
 
@@ -169,7 +172,7 @@ def told(events) -> list[tuple]:
 
 def test_a_recording_with_changes_replays_bit_for_bit_and_is_reported(recorded):
     cell, bag = recorded
-    result = replay_bag(bag)
+    result = replayed_by_journal(bag)
     assert result.verification.exact, result.verification.lines()
     assert result.comparisons.exact, result.comparisons.lines()
     assert result.limits.estimated_limit == 1.0

@@ -31,8 +31,10 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
 from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.processes import node_environment
+from slosh_bringup.replay.by_journal import checked_by_journal
 from slosh_estimator.validity import EstimateFlag
 from slosh_msgs_py.node.domain import own_domain
+from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.replay import replay_bag
 from slosh_testing.live_processes import nodes_of
 from validation.long_runs.long_cell import long_cell, sizes
@@ -316,7 +318,8 @@ def print_memory(memory: Mapping[tuple[str, int], Sequence[tuple[float, float]]]
 def print_replay(bag: Path) -> bool:
     """Replays a bag and prints the result; returns whether all estimates were reproduced."""
     try:
-        verification = replay_bag(bag).verification
+        run = RecordedRun(bag)
+        verification = checked_by_journal(replay_bag(run), run).verification
     except SloshBagError as error:
         print(error)
         return False

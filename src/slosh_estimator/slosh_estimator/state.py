@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from slosh_base.types import Array
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.sample import Sample
+
+_POSE = 4  # where a sample's pose begins
 
 
 def remembered(memory: Sequence[float], count: int, rate: int = 0) -> Sequence[float]:
@@ -45,3 +49,14 @@ class EstimatorState(NamedTuple):
     linear: Array
     nonlinear: Array
     checks: Array
+
+    @classmethod
+    def of_message(cls, message: Any) -> EstimatorState:
+        """Returns the state that an EstimatorState message of any reader holds."""
+        ax, ay, az, yaw = message.sample[:_POSE].tolist()
+        pose = tuple(message.sample[_POSE:].tolist()) or None
+        sample = Sample(int(message.sample_stamp), ax, ay, az, yaw, pose=pose)
+        parts = (message.linear, message.nonlinear, message.checks)
+        return cls(
+            sample, int(message.first_stamp), int(message.settled_stamp), *map(np.array, parts)
+        )

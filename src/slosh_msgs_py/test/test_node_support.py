@@ -6,6 +6,8 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import rclpy
@@ -21,6 +23,7 @@ from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
+from slosh_msgs_py.node.rivals import AGAIN, Rivals
 from slosh_msgs_py.node.run import make_executor
 from slosh_msgs_py.node.silence import LONG, UNHEARD, SilentTopic
 
@@ -338,6 +341,8 @@ def test_a_wrong_start_is_one_line_and_exit_code_two():
 SLOW = """
 import sys
 import time
+from types import SimpleNamespace
+from typing import Any
 from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.diagnostics import OK
 from slosh_msgs_py.node.prepared import PreparedNode
@@ -478,3 +483,18 @@ def test_a_node_says_what_it_alone_may_not_hear(make_node, monkeypatch):
     now += 1.0
     assert topic.facts(7) == told
     assert SilentTopic(node, "input", "std_msgs/msg/String").facts(0) == {}  # of another type
+
+
+def test_rivals_are_told_by_the_time_that_the_journal_has():
+    """So that a replay, which takes less time, flags the same messages."""
+    info = SimpleNamespace(
+        node_name="robot", node_namespace="/", topic_type="T", endpoint_gid=bytes(24)
+    )
+    other = SimpleNamespace(**{**vars(info), "node_name": "twin"})
+    times = iter([5_000_000_000, 6_000_000_000, 5_000_000_000 + round(AGAIN * 1e9)])
+    node: Any = SimpleNamespace(
+        steady_ns=lambda: next(times), resolve_topic_name=lambda name: f"/{name}",
+        get_publishers_info_by_topic=lambda _: [info, other],
+    )  # fmt: skip
+    rivals = Rivals(node, "accel", "T")
+    assert [bool(rivals.look()) for _ in range(3)] == [False, False, True]

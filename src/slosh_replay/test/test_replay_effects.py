@@ -14,7 +14,7 @@ from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs
 from slosh_replay.replay import replay_bag, replay_table
-from slosh_replay.replay.nodes import Outputs
+from slosh_replay.replay.setting import Outputs
 from slosh_replay.tables.table_bag import write_table_bag
 from slosh_tables.motion_table import MotionTable
 

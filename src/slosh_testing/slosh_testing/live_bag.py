@@ -27,6 +27,7 @@ from slosh_estimator.tray_estimator import TrayEstimate, TrayEstimator
 from slosh_model.constants import GRAVITY
 from slosh_model.model_text import format_model, parse_model
 from slosh_model.tray import TRAY, Tray, format_tray
+from slosh_msgs_py.journal_format import MESSAGE, MICROSECOND, checksum
 
 TEXT = """
 container: {shape: cylinder, radius: 0.05, fill_height: 0.07, rim_height: 0.135}
@@ -39,7 +40,7 @@ MS = 1_000_000
 PARAMETERS = {
     "estimator": {
         "input": "accel", "world_frame": "world", "container_frame": "container",
-        "max_gap": 0.05, "max_age": 0.5, "sensor_rotation": [0.0, 0.0, 0.0],
+        "max_gap": 0.05, "max_age": 0.5, "max_jump": 20.0, "sensor_rotation": [0.0, 0.0, 0.0],
         "sensor_to_origin": [0.0, 0.0, 0.0],
     },
     "monitor": {
@@ -48,13 +49,14 @@ PARAMETERS = {
         "container_frame": "container",
     },
 }  # fmt: skip
-STATE_EVERY = 125
+STATE_EVERY, NOTED = 125, 200
 TYPES = {
     "accel": "geometry_msgs/msg/AccelStamped",
     "estimate": "slosh_msgs/msg/SloshEstimate",
     "estimator_state": "slosh_msgs/msg/EstimatorState",
     "free_surface": "slosh_msgs/msg/FreeSurface",
     "imu": "sensor_msgs/msg/Imu",
+    "journal": "slosh_msgs/msg/Journal",
     "pose": "geometry_msgs/msg/PoseStamped",
     "settings": "slosh_msgs/msg/NodeSettings",
     "tray_estimate": "slosh_msgs/msg/TrayEstimate",
@@ -79,6 +81,8 @@ class LiveBag:
         unrecorded: indices of inputs whose estimates the recorder missed.
         unheard: indices of inputs that the estimator used and the recorder missed.
         states: whether the estimator tells its state, every STATE_EVERY inputs.
+        journal: whether it notes the inputs that it takes.
+        delay: from an index to the time from an input's stamp until it is taken [ns].
         restarts: indices of inputs with which a new estimator process begins.
         idle: indices of inputs before which an estimator process begins and ends; the next one,
             which takes that input first, does not take the liquid for still.
@@ -111,7 +115,10 @@ class LiveBag:
         self.unused: Collection[int] = ()
         self.unrecorded: Collection[int] = ()
         self.unheard: Collection[int] = ()
-        self.states = False
+        self.states = self.journal = False
+        self.delay: Callable[[int], int] = lambda index: 0
+        self._noted: list[tuple[int, int]] = []
+        self._first = 0
         self.restarts: Collection[int] = ()
         self.idle: Collection[int] = ()
         self.loads: dict[int, str] = {}
@@ -163,6 +170,7 @@ class LiveBag:
         self._entries = []
         self._settings("monitor", 0, {}, START - MS)
         self._run(*motion(seconds))
+        self._tell_noted()
         return self._entries
 
     def _run(self, stamps: np.ndarray, accelerations: np.ndarray) -> None:
@@ -252,10 +260,35 @@ class LiveBag:
         else:
             given = (tuple(position), self.attitude(index))
             fields = {"pose": self._pose(*given)}
-        if heard:
-            self._put(self.kind, stamp, **fields)
-        found = None if index in self.unused else source.update(stamp, *given)
+        before = len(self._entries)
+        self._put(self.kind, stamp, **fields)
+        noted = [checksum(data) for *_, data in self._entries[before:]]
+        if not heard:
+            del self._entries[before:]
+        found = None
+        if index not in self.unused:
+            arrival = stamp + self.delay(index)
+            found = source.update(stamp, *given, *([arrival] if self.journal else []))
+            if self.journal:
+                self._noted += [(check, arrival) for check in noted]
+            if len(self._noted) >= NOTED:
+                self._tell_noted()
         return found if isinstance(found, list) else [found] * (found is not None)
+
+    def _tell_noted(self) -> None:
+        """Publishes the journal of the inputs taken since the last one."""
+        if not self._noted:
+            return
+        checks, times = zip(*self._noted, strict=True)
+        first, count = self._first, len(checks)
+        self._put(
+            "journal", times[0], times[-1], node="estimator", first=first, steady=0,
+            sources=[f"{MESSAGE}{self._full(self.kind)}"], source=np.zeros(count, np.uint8),
+            check=np.array(checks, np.uint32), content=np.empty(0, np.uint8),
+            time=np.array([(one - times[0]) // MICROSECOND for one in times], np.uint32),
+            steady_time=np.zeros(count, np.uint32),
+        )  # fmt: skip
+        self._first, self._noted = first + count, []
 
     def _start(self, model, stamp: int, log_ns: int, *, at_rest: bool = True):
         files = {"model": format_model(model)}
@@ -263,10 +296,7 @@ class LiveBag:
         if self.tray is not None:
             files[TRAY] = format_tray(self.tray)
             self._others = TrayEstimator(self.tray, at_rest=at_rest)
-        # A node whose parameters can change sets jumps aside, too.
         own = {"starts_at_rest": at_rest, "pose_window": self.pose_window}
-        if self.changes:
-            own["max_jump"] = GateSettings().max_jump
         self._settings("estimator", stamp, files, log_ns, **own)
         source = InputSettings(
             self.kind, GateSettings(), SensorTransform(*self.rotation), self.pose_window,

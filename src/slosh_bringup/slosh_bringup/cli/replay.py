@@ -28,7 +28,6 @@ from slosh_bringup.replay.index import check_index, write_index
 from slosh_bringup.replay.junit import Case, Suite, write_junit
 from slosh_bringup.replay.task import (
     PAGES,
-    RECORDED,
     Replayed,
     Task,
     remove_unfinished,
@@ -37,6 +36,7 @@ from slosh_bringup.replay.task import (
 )
 from slosh_model.model_text import read_model
 from slosh_replay.manifest import NAME, Expectation, read_manifest, write_manifest
+from slosh_replay.replay.checking import RECORDED
 from slosh_replay.replay.result import Judged, ModelAccuracy
 from slosh_report.text_table import aligned
 
@@ -59,10 +59,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="namespace of the cell to replay, if the bag contains several cells, e.g. /slosh",
     )  # fmt: skip
     old_name(parser, cell, "--cell")
-    parser.add_argument(
-        "--estimator", type=int, default=1, metavar="N",
-        help="number of the estimator to replay, if several were recorded (default 1: the first)",
-    )  # fmt: skip
     add_input_options(parser)
     parser.add_argument(
         "-o", "--output", type=Path,
@@ -136,7 +132,7 @@ def make_tasks(stated: Sequence[StatedBag], arguments: argparse.Namespace) -> li
         unstated = bag.unstated and expected is not None
         task = Task(
             bag.path, name, model, arguments.cell, arguments.output, expected, unstated,
-            arguments.json, arguments.estimator, given,
+            arguments.json, given,
         )  # fmt: skip
         # A cluster's workers have working directories of their own.
         tasks.append(task.absolute() if arguments.scheduler else task)
@@ -196,8 +192,16 @@ def tell(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
             announced = (expected.warnings if expected else None) or ()
             if not any(text in warning for text in announced):
                 print(plain_line(f"slosh replay: warning: {warning}"), file=sys.stderr)
-        for failure in item.checked.failures if item.checked else ():
-            print(plain_line(f"slosh replay: {item.name}: {failure}"), file=sys.stderr)
+        for line in told_of_check(item):
+            print(plain_line(f"slosh replay: {item.name}: {line}"), file=sys.stderr)
+
+
+def told_of_check(item: Replayed) -> list[str]:
+    """Returns the failed checks of a replay, and what could not be checked, one line each."""
+    if item.checked is None:
+        return []
+    failures = item.checked.failures
+    return [*failures, *(line for line in item.unchecked if line not in failures)]
 
 
 def print_tables(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:

@@ -20,12 +20,13 @@ from slosh_base.files import write_text
 from slosh_bringup.live.run_data import HEIGHTS, RunData, read_run
 from slosh_bringup.live.run_result import RunResult, evaluate
 from slosh_bringup.live.shortfall import shortfall, slowness
+from slosh_bringup.replay.by_journal import checked_by_journal
 from slosh_bringup.replay.frames import bag_topics
 from slosh_bringup.replay.page import make_report
-from slosh_bringup.replay.replayed_governor import governor_row
 from slosh_replay.in_force import in_force, last_starts
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.replay import ReplayResult, replay_bag
+from slosh_replay.replay.checking import RECORDED, check_result
 from slosh_replay.replay.report import Surroundings
 from slosh_report.run_report import (
     Fact,
@@ -169,13 +170,16 @@ def _evaluated(
         reasons = (*problems, *missing) if missing or not began else ()
     result = LiveResult(figures, None, reasons, problems, in_force(starts), failures)
     try:
-        replayed = replay_bag(run, further=[governor_row()])
+        replayed = checked_by_journal(replay_bag(run), run)
     except SloshBagError as error:
         if not reasons:  # they tell that nothing drove the models
             line = f"not replayed: {error}"
             told, failed = (*problems, line), (*failures, line)
             result = replace(result, warnings=told, failures=failed)
         return result, _recorded_report(title, data, result)
+    if not reasons:
+        differs = check_result(replayed, RECORDED).failures
+        result = replace(result, failures=(*failures, *differs), warnings=(*problems, *differs))
     return replace(result, replayed=replayed), _replayed_report(title, run, result, replayed)
 
 

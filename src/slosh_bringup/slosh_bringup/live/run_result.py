@@ -162,12 +162,12 @@ def table(result: RunResult) -> str:
 def print_replay(replayed: ReplayResult) -> None:
     """Prints whether a replay reproduced the recorded estimates and monitor results."""
     parts = [
-        f"{found.identical} of {found.recorded + found.missing} {name}s"
-        for name, found in replayed.verified.items()
+        f"{found.identical} of {found.total} {name}s" for name, found in replayed.verified.items()
     ]
     print(f"{'replayed':<20}{', '.join(parts) or 'nothing'} bit for bit")
-    if replayed.verification is not None and not replayed.verification.exact:
-        print("\n".join(replayed.verification.lines()[1:]))
+    for found in replayed.verified.values():
+        for line in found.lines()[1:]:
+            print(line)
 
 
 def _which(counts: Mapping[str, int]) -> str:

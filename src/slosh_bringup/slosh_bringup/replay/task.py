@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import version
-from importlib.util import find_spec
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,7 @@ from slosh_base.files import is_unfinished, new_folder
 from slosh_base.files.file_state import state_of
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.finished_work import FinishedWork
-from slosh_bringup.replay.replayed_governor import governor_row
+from slosh_bringup.replay.by_journal import checked_by_journal
 from slosh_estimator.inputs import WantedInput
 from slosh_model.model_text import read_model
 from slosh_replay.manifest import Expectation
@@ -42,8 +41,6 @@ from slosh_replay.replay.report import highest, report_start, shown_models
 from slosh_replay.replay.result import ModelAccuracy
 from slosh_replay.replay.verification import Verification
 
-RECORDED = Expectation(tolerance=0.0, warnings=None)
-"""What a bag without a manifest must give: its own estimates again; warnings are told."""
 PAGES = (".html", ".json")
 """What there is of a replay beside its bag of outputs."""
 
@@ -73,7 +70,6 @@ class Task:
     expected: Expectation | None = None
     unstated: bool = False
     figures: bool = False
-    estimator: int = 1
     given: WantedInput | None = None
 
     def absolute(self) -> Task:
@@ -99,6 +95,7 @@ class Replayed:
         checked: against what was expected; None: nothing was.
         estimates: how recorded and replayed estimates compare, in short.
         differences: why the bag was written, and the same where they differ, one line each.
+        unchecked: recorded messages that were not compared, one line each.
         warnings: about the bag.
         counts: images, dropped samples and excesses of limits.
         seconds: that the replay took [s].
@@ -114,6 +111,7 @@ class Replayed:
     checked: CheckedReplay | None
     estimates: str
     differences: tuple[str, ...]
+    unchecked: tuple[str, ...]
     warnings: tuple[str, ...]
     counts: Mapping[str, int]
     seconds: float
@@ -152,18 +150,16 @@ def _replayed(task: Task) -> Replayed:
     run = RecordedRun(task.bag)
     model = read_model(task.model) if task.model else None
     if task.output is None:
-        result = replay_bag(
-            run, model, given=task.given, cell=task.cell, estimator=task.estimator,
-            further=[governor_row()],
-        )  # fmt: skip
+        result = replay_bag(run, model, given=task.given, cell=task.cell)
     else:
         _check_pages(task.output / task.name)
         with new_bag(task.output / task.name) as outputs:
-            result = replay_bag(
-                run, model, given=task.given, outputs=outputs, cell=task.cell,
-                estimator=task.estimator, further=[governor_row()],
-            )  # fmt: skip
+            result = replay_bag(run, model, given=task.given, outputs=outputs, cell=task.cell)
     result = replace(result, name=task.name)
+    found = result.verification
+    differs = found is not None and not found.exact
+    if task.model is None and task.given is None and (differs or task.expected is not None):
+        result = checked_by_journal(result, run, task.cell)
     checked = _checked(result, task)
     if task.output is not None:
         # What draws takes longer to load than many a bag to replay.
@@ -182,6 +178,7 @@ def _replayed(task: Task) -> Replayed:
             *event_lines(run.facts, report_start(result)),
             *(found.lines() if found and (not found.exact or found.unchecked) else ()),
         ),
+        tuple(line for one in result.verified.values() for line in one.unchecked_lines),
         result.warnings,
         {
             "images": result.counters.get("images", 0),
@@ -203,32 +200,19 @@ def _checked(result: ReplayResult, task: Task) -> CheckedReplay | None:
     if task.expected is None:
         return None
     checked = check_result(result, task.expected)
-    checked = replace(checked, points=(*checked.points, *_by_journal(task)))
     if task.unstated:
         points = (Point("manifest", "the manifest does not list this bag"), *checked.points)
         checked = replace(checked, points=points)
     return checked
 
 
-def _by_journal(task: Task) -> list[Point]:
-    """Checks that the nodes' own code gives the same by their journals, where there are some.
-
-    That needs ROS 2; without it the recorded inputs alone are replayed.
-    """
-    if task.model is not None or task.given is not None or find_spec("rclpy") is None:
-        return []
-    from slosh_replay.journaled.replay import replay_journals
-
-    found = replay_journals(task.bag, task.cell)
-    return [Point(f"{one.node} by its journal", one.failure) for one in found]
-
-
 def _in_short(found: Verification | None) -> str:
-    if found is None or not found.recorded + found.missing:
-        return "none recorded"
+    if found is None or not found.total:
+        unchecked = sum(found.unchecked.values()) if found is not None else 0
+        return f"{unchecked} not checked" if unchecked else "none recorded"
     if found.exact:
         return f"{found.identical} bit for bit"
-    return f"{found.identical} of {found.recorded + found.missing}"
+    return f"{found.identical} of {found.total}"
 
 
 def _document(result: ReplayResult, checked: CheckedReplay | None) -> dict[str, Any]:

@@ -57,7 +57,7 @@ from slosh_estimator.validity import EstimateFlag, attitude_warning, began_text
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.tray import TRAY, Tray, format_tray, read_tray
-from slosh_msgs.msg import ExpectedReading, SloshEstimate, TrayEstimate
+from slosh_msgs.msg import EstimatorState, ExpectedReading, SloshEstimate, TrayEstimate
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN, Health
@@ -280,6 +280,23 @@ class EstimatorNode(PreparedNode):
         """Ends all action goals that wait until the liquid is calm."""
         if self._observed is not None:
             self._observed.close()
+
+    def stands_at(self, topic: str) -> int | None:
+        """Returns the stamp that a state on a topic would have now [ns]; None: none."""
+        if topic == topics.ESTIMATOR_STATE:
+            return self._input.gate.last_ns
+        return self._observed.stands_at(topic) if self._observed is not None else None
+
+    def take_up(self, message: Any) -> None:
+        """Restores a published state, as a replay does behind what its recording lacks.
+
+        Raises:
+            SloshEstimatorError: the state is one of another model, input or version.
+        """
+        if isinstance(message, EstimatorState):
+            self._states.take_up(message, self._estimator, self._input)
+        elif self._observed is not None:
+            self._observed.take_up(message)
 
     @property
     def _input(self) -> AnyInput:

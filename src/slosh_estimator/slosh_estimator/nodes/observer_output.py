@@ -8,6 +8,7 @@ from array import array
 from functools import partial
 from typing import Any
 
+import numpy as np
 from rclpy.action import CancelResponse
 from rclpy.task import Future
 from std_msgs.msg import Bool
@@ -51,7 +52,7 @@ class ObserverOutput:
         self._fused.header.frame_id = self._calm.header.frame_id = frame
         self._watch = CalmWatch(tolerance)
         self._waits: list[_Wait] = []
-        self._calm_slot = -1
+        self._calm_slot, self._moving = -1, 0
         self._last_input = node.steady_ns()
         self.load(model)
         self._fused_out = node.create_publisher(
@@ -112,7 +113,31 @@ class ObserverOutput:
         if state.stamp_ns // TUNING.calm_ns != self._calm_slot:
             self._calm_slot = state.stamp_ns // TUNING.calm_ns
             fill_calm(self._calm, calm)
+            self._moving = self._moving + 1 if calm.reason is CalmReason.MOVING else 0
             self._tell()
+
+    def stands_at(self, topic: str) -> int | None:
+        """Returns the stamp of what was published last on a topic with a state [ns]; None: none.
+
+        In motion calm begins anew.
+        """
+        if topic == topics.CALM:
+            again = self._moving > 1
+            return to_nanoseconds(self._calm.header.stamp) if again else None
+        return self.observer.newest_ns
+
+    def take_up(self, message: ObserverStateMessage | Calm) -> None:
+        """Restores a published state, as a replay does behind what its recording lacks.
+
+        Raises:
+            SloshEstimatorError: the state is one of another model or version.
+        """
+        if isinstance(message, Calm):
+            return
+        state = observer_state(message)
+        self.observer.take_up(state)
+        self._watch.begin(state.first_ns)
+        self._state_ns, self._moving = state.stamp_ns, 0
 
     def facts(self) -> dict[str, Any]:
         """Returns counts of used and rejected heights for the diagnostics."""
@@ -244,6 +269,18 @@ def fill_observer_state(message: ObserverStateMessage, state: ObserverState) -> 
     message.sensed_stamp = -1 if state.sensed_ns is None else state.sensed_ns
     for name in ("model", "parameters", "covariance", "changes", "past"):
         setattr(message, name, array("d", getattr(state, name).tobytes()))
+
+
+def observer_state(message: ObserverStateMessage) -> ObserverState:
+    """Returns the observer's state that a message holds."""
+    known = (message.corrected_stamp, message.judged_stamp, message.sensed_stamp)
+    corrected, judged, sensed = (None if stamp < 0 else stamp for stamp in known)
+    return ObserverState(
+        to_nanoseconds(message.header.stamp), message.first_stamp, corrected, judged,
+        tuple(message.counts), message.rejected_in_turn, message.anchored_at,
+        np.array(message.model), np.array(message.parameters), np.array(message.covariance),
+        np.array(message.changes), np.array(message.past), message.sensed, sensed,
+    )  # fmt: skip
 
 
 def fill_stale(message: Calm, tolerance: float) -> None:

@@ -29,7 +29,7 @@ from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
-from slosh_msgs_py.stamps import to_nanoseconds
+from slosh_msgs_py.stamps import to_nanoseconds, to_time
 
 TWIST, WRENCH = "twist", "wrench"
 UNSTAMPED = {TWIST: Twist, WRENCH: Wrench}
@@ -101,7 +101,7 @@ class SensorNode(GuardedNode):
         def on_unstamped(message: Any) -> None:
             force = message.linear if kind == TWIST else message.force
             wrench = WrenchStamped()
-            wrench.header.stamp = self.get_clock().now().to_msg()
+            wrench.header.stamp = to_time(self.now_ns())
             to = wrench.wrench.force
             to.x, to.y, to.z = force.x, force.y, force.z
             stamped.publish(wrench)

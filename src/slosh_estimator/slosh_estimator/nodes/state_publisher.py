@@ -8,9 +8,10 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.inputs import AnyInput
 from slosh_estimator.nodes.estimator_messages import fill_state
-from slosh_msgs.msg import EstimatorState
+from slosh_estimator.state import EstimatorState
+from slosh_msgs import msg as messages
 from slosh_msgs_py import qos, topics
-from slosh_msgs_py.stamps import to_time
+from slosh_msgs_py.stamps import to_nanoseconds, to_time
 
 PERIOD_NS = SECOND // 4
 """How far the inputs' stamps go on between two states [ns]."""
@@ -25,10 +26,10 @@ class StatePublisher:
     """
 
     def __init__(self, node: Node, frame: str) -> None:
-        self._message = EstimatorState()
+        self._message = messages.EstimatorState()
         self._message.header.frame_id = frame
         self._publisher = node.create_publisher(
-            EstimatorState, topics.ESTIMATOR_STATE, qos.STREAM_OUT
+            messages.EstimatorState, topics.ESTIMATOR_STATE, qos.STREAM_OUT
         )
         self._last_ns = -PERIOD_NS
 
@@ -48,3 +49,16 @@ class StatePublisher:
         self._message.samples_used = source.gate.used
         fill_state(self._message, state, source.memory)
         self._publisher.publish(self._message)
+
+    def take_up(
+        self, message: messages.EstimatorState, estimator: Estimator, source: AnyInput
+    ) -> None:
+        """Restores a published state, as a replay does behind what its recording lacks.
+
+        Raises:
+            SloshEstimatorError: the state is one of another model, input or version.
+        """
+        self._last_ns = to_nanoseconds(message.header.stamp)
+        estimator.take_up(EstimatorState.of_message(message))
+        source.take_up(self._last_ns, message.input.tolist())
+        source.gate.used = message.samples_used

@@ -78,6 +78,10 @@ class CalmWatch:
         self._calm = False
         self._first_ns: int | None = None
 
+    def begin(self, first_ns: int) -> None:
+        """Sets the stamp of the first fused state [ns]; until the first `update` it is unknown."""
+        self._first_ns = first_ns
+
     def update(self, state: FusedState) -> CalmState:
         """Computes from the next fused state whether, or when, the liquid is calm."""
         if self._first_ns is None or state.stamp_ns < self._first_ns:  # or time was set back

@@ -105,6 +105,11 @@ class Observer:
         self._anchored_at = 0.0
 
     @property
+    def newest_ns(self) -> int:
+        """Stamp of the last input [ns]; long ago: there was none."""
+        return self._newest_ns
+
+    @property
     def taken(self) -> int:
         """Number of measurements that were processed, whether they were used or rejected."""
         return sum(self.counts.values())

@@ -16,11 +16,6 @@ SAME_FIELDS: Final = (
     "clock_offset",
 )  # fmt: skip
 """Fields of FusedEstimate.msg that are attributes of FusedState."""
-FUSED_FIELDS: Final = (
-    *SAME_FIELDS, "uncorrected", "heights_taken", "heights_used", "heights_rejected",
-    "sensed_taken",
-)  # fmt: skip
-"""All of its numbers but the modal state; see `fused_fields`."""
 
 
 class WallHeights(NamedTuple):

@@ -26,8 +26,8 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message, serialize_message
 
 from slosh_base.files.plain_text import plain_line
-from slosh_msgs_py.node import journal
-from slosh_msgs_py.node.journal import Journal
+from slosh_msgs_py import journal_format
+from slosh_msgs_py.node.journal import PERIOD, Journal
 from slosh_msgs_py.node.mismatches import Mismatches
 from slosh_msgs_py.node.speakers import WithInfo
 
@@ -106,9 +106,9 @@ class GuardedNode(Node):
         """Creates the journal and publishes it, twice a second and when the node ends."""
         new = Journal(self)
         new.publish()
-        new.take(new.source(journal.START))
+        new.take(new.source(journal_format.START))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        super().create_timer(journal.PERIOD, new.flush, clock=steady)
+        super().create_timer(PERIOD, new.flush, clock=steady)
         self.context.on_shutdown(new.abandon)
         return new
 
@@ -215,7 +215,7 @@ class GuardedNode(Node):
         def guarded(request: Any, response: Any) -> Any:
             try:
                 if self.journal is not None:
-                    place = self.journal.source(f"{journal.SERVICE}{srv_name}")
+                    place = self.journal.source(f"{journal_format.SERVICE}{srv_name}")
                     self.journal.take(place, serialize_message(request))
                 return callback(request, response)
             except Exception as error:
@@ -254,7 +254,7 @@ class GuardedNode(Node):
         name = self.resolve_topic_name(topic)
         self._topics_noted[name] += 1
         again = f" {self._topics_noted[name]}" if self._topics_noted[name] > 1 else ""
-        source = f"{journal.MESSAGE}{name}{again}"
+        source = f"{journal_format.MESSAGE}{name}{again}"
         place = notes.source(source)
 
         def noted(data: bytes, *info: Any) -> None:
@@ -268,7 +268,7 @@ class GuardedNode(Node):
         return _from(source, WithInfo(noted_with_info) if informed else lambda data: noted(data))
 
     def _noted_tick(self, notes: Journal, callback: Callback) -> Callback:
-        source = f"{journal.TIMER}{self._timers_noted}"
+        source = f"{journal_format.TIMER}{self._timers_noted}"
         place = notes.source(source)
         self._timers_noted += 1
 

@@ -12,10 +12,10 @@ import time
 from array import array
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
-from zlib import crc32
 
 from slosh_msgs.msg import Journal as JournalMessage
 from slosh_msgs_py import qos, topics
+from slosh_msgs_py.journal_format import ANSWER, MICROSECOND, PARAMETERS, checksum
 from slosh_msgs_py.stamps import to_time
 
 if TYPE_CHECKING:
@@ -25,27 +25,8 @@ PERIOD = 0.5
 """Time between two published journals [s]."""
 MOST = 5000
 """Things in one published journal."""
-MICROSECOND = 1000
-MESSAGE, TIMER, SERVICE = "message ", "timer ", "service "
-"""How sources of these kinds begin; what follows is a full name, or a timer's number."""
-START, BEGIN, PARAMETERS, ANSWER = "start", "begin", "parameters", "answer"
-"""A node that is created, that begins its work; its parameters change; what the graph answers."""
 _LONGEST = 2**32
 _MOST_SOURCES = 256
-
-
-def checksum(data: bytes) -> int:
-    """Returns the CRC-32 of a serialised message in whole words."""
-    return crc32(whole_words(data))
-
-
-def whole_words(data: bytes) -> bytes:
-    """Fills a serialised message up to whole words of four bytes with zeros.
-
-    Fast DDS does so between processes, not within one.
-    """
-    short = -len(data) % 4
-    return data + bytes(short) if short else data
 
 
 class Journal:

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
 
-from slosh_msgs_py.node import journal
+from slosh_msgs_py import journal_format
 from slosh_msgs_py.node.guarded import GuardedNode
 
 Given = Callable[[str, Callable[[], bytes]], None]
@@ -24,13 +24,14 @@ class Taken(NamedTuple):
 
     Attributes:
         source: where it comes from; see `Journal.msg`.
-        content: a message's serialised bytes, or what the journal holds.
+        content: a message's serialised bytes, or what the journal holds; None: a message that the
+            recording lacks.
         now_ns, steady_ns: when, by the node's clock and by the steady one [ns].
         answers: of the graph while it was used, by question, in order.
     """
 
     source: str
-    content: bytes
+    content: bytes | None
     now_ns: int
     steady_ns: int
     answers: tuple[tuple[str, Any], ...] = ()
@@ -45,6 +46,7 @@ class Place(NamedTuple):
         topics: full names by those that the node's code has, where they were remapped.
         simulated: whether the node's time is a simulated one.
         give: receives what the node publishes.
+        publishes: is told the full name of each topic on which it does.
     """
 
     namespace: str
@@ -52,6 +54,7 @@ class Place(NamedTuple):
     topics: Mapping[str, str]
     simulated: bool
     give: Given
+    publishes: Callable[[str], None]
 
 
 class OfflineJournal:
@@ -73,13 +76,17 @@ class OfflineJournal:
         self._new = list(taken.answers)
 
     def noted(self, question: str, _: Any) -> Any:
-        """Returns the noted answer to a question: the next new one, or that of before."""
+        """Returns the noted answer to a question: the next new one, or that of before.
+
+        What was asked before the recording began has the answer of an empty graph.
+        """
         for index, (asked, answer) in enumerate(self._new):
             if asked == question:
                 del self._new[index]
                 self._answers[question] = answer
                 break
-        return self._answers.get(question)
+        known = self._answers.get(question)
+        return ([] if question.startswith("info ") else 0) if known is None else known
 
     def source(self, name: str) -> str:
         """Returns the name of a source."""
@@ -125,9 +132,10 @@ class OfflineNode(Node):
         notes: Any = self.journal
         notes.begin(taken)
         taker = self._offline_takers.get(taken.source)
-        if taker is not None:
-            taker(taken.content)
-        return taker is not None
+        if taker is None or taken.content is None:
+            return False
+        taker(taken.content)
+        return True
 
     def destroy_node(self) -> None:
         """Does nothing: there is no node."""
@@ -189,11 +197,12 @@ class OfflineNode(Node):
             self._offline_values.update({one.name: one for one in changed})
             callback(changed)
 
-        self._offline_takers[journal.PARAMETERS] = change
+        self._offline_takers[journal_format.PARAMETERS] = change
 
     def create_publisher(self, kind: Any, topic: str, *_: Any, **__: Any) -> Any:
         """Creates a publisher that hands its messages over."""
         name, give = self.resolve_topic_name(topic), self.place.give
+        self.place.publishes(name)
         return SimpleNamespace(
             publish=lambda message: give(name, lambda: bytes(serialize_message(message))),
             get_subscription_count=lambda: 1,
@@ -223,7 +232,7 @@ class OfflineNode(Node):
         def serve(content: bytes) -> None:
             callback(deserialize_message(content, kind.Request), kind.Response())
 
-        self._offline_takers[f"{journal.SERVICE}{name}"] = serve
+        self._offline_takers[f"{journal_format.SERVICE}{name}"] = serve
         return SimpleNamespace()
 
 
@@ -236,10 +245,25 @@ def replayed(node_class: type[GuardedNode], place: Place, **arguments: Any) -> A
             "place": place,
             "_new_journal": lambda self: OfflineJournal(),
             "get_logger": lambda self: _SILENT,
+            "waits": _refuse,
             "create_action_server": lambda self, *_, **__: SimpleNamespace(destroy=lambda: None),
         },
     )
     return created(**arguments)
+
+
+def deserialised(data: bytes, kind: Any) -> Any:
+    """Returns the message of a class that serialised bytes hold."""
+    return deserialize_message(data, kind)
+
+
+def _refuse(_: Any, what: str) -> None:
+    """Raises the reason for which a live node would wait: here nothing comes.
+
+    Raises:
+        ValueError: always.
+    """
+    raise ValueError(what)
 
 
 _SILENT = SimpleNamespace(

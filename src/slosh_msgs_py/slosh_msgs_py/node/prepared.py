@@ -7,9 +7,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from slosh_msgs_py.journal_format import BEGIN
 from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
-from slosh_msgs_py.node.journal import BEGIN
 from slosh_msgs_py.node.readiness import COMPILING, STARTING, Progress, Readiness
 
 

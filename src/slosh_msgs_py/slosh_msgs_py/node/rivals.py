@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
+from typing import TYPE_CHECKING
 
-from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from slosh_base.files.nanoseconds import SECOND
+
+if TYPE_CHECKING:  # which watches its publishers by this module
+    from slosh_msgs_py.node.guarded import GuardedNode
 
 AGAIN = 2.0
 """For so long a second publisher is there before it counts: one may be about to take over [s]."""
@@ -41,7 +45,7 @@ class Rivals:
         type_name: what it reads; publishers of other types are not heard.
     """
 
-    def __init__(self, node: Node, topic: str, type_name: str) -> None:
+    def __init__(self, node: GuardedNode, topic: str, type_name: str) -> None:
         self._node, self._topic, self._type_name = node, topic, type_name
         self._since: float | None = None
 
@@ -59,7 +63,7 @@ class Rivals:
         if speakers.total() < 2:
             self._since = None
             return ""
-        now = time.monotonic()
+        now = self._node.steady_ns() / SECOND  # as the node's journal has it
         if self._since is None:
             self._since = now
         if now - self._since < (AGAIN if len(speakers) > 1 else FORGOTTEN):

@@ -76,7 +76,7 @@ class GovernorNode(PreparedNode):
     """
 
     def __init__(self, *, later: bool = False) -> None:
-        super().__init__("governor")
+        super().__init__("governor", journaled=True)
         self._values = values = dict(declare(self, PARAMETERS))
         self._limit = values["limit"]
         self._tray = read_tray(values["model"])
@@ -84,7 +84,7 @@ class GovernorNode(PreparedNode):
         for remark in self._robot.remarks if self._robot else ():
             self.get_logger().warning(remark)
         self._names = self._robot.arm.carrying if self._robot else ()
-        self._joints = JointPlaces(self._names, self._now)
+        self._joints = JointPlaces(self._names, self.now_ns)
         self._lost, self._refused_at = "", list[float]()
         self._settings = SettingsPublisher(
             self, sources_digest(*SOURCES), arithmetic_fingerprint(), values, NAMES
@@ -190,11 +190,8 @@ class GovernorNode(PreparedNode):
         if self._unseen:
             self._report.counts["fused_estimate refused"] += 1
 
-    def _now(self) -> int:
-        return int(self.get_clock().now().nanoseconds)
-
     def _step(self) -> None:
-        now_ns = self._now()
+        now_ns = self.now_ns()
         if self._waits and (self._core is None or self._core.rests):
             self._waits = False
             own = self._container.limit

@@ -3,27 +3,34 @@
 from __future__ import annotations
 
 import tempfile
-from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections import defaultdict, deque
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from slosh_bag.mcap_files.chunks import MessageBlock
-from slosh_bag.reader import BagReader
-from slosh_estimator.inputs import ROBOT
+from slosh_bag.definitions import Definitions
+from slosh_bag.errors import SloshBagError
+from slosh_bag.reader import BagMessage, BagReader
+from slosh_base.files.nanoseconds import SECOND
+from slosh_estimator.held_container import EMPTY
+from slosh_estimator.inputs import CHAINED_SINCE, PLACED, ROBOT
 from slosh_estimator.nodes.estimator_node import EstimatorNode
 from slosh_estimator.nodes.monitor_node import MonitorNode
 from slosh_estimator.nodes.sensor_node import PAYLOAD, SensorNode
 from slosh_model.tray import TRAY
+from slosh_msgs.msg import Calm, EstimatorState, ObserverState
 from slosh_msgs_py import topics
+from slosh_msgs_py.journal_format import begun_ns
 from slosh_msgs_py.node.guarded import GuardedNode
-from slosh_msgs_py.node.journal import BEGIN, START, whole_words
-from slosh_msgs_py.node.offline import Place, replayed
-from slosh_replay.journaled.taken import Process, read_processes
-from slosh_replay.recording.settings import NodeStart, read_starts
+from slosh_msgs_py.node.offline import Place
+from slosh_replay.journaled.outputs import UNTAKEN, ComparedOutput, Recorded
+from slosh_replay.journaled.process import LONG_AGO, Process, State
+from slosh_replay.journaled.taken import ProcessNotes, RecentMessages
+from slosh_replay.recording.settings import NodeStart, last_of_each, read_starts
+from slosh_replay.replay.verification import Tally, Verification
 
 
 class Row(NamedTuple):
@@ -32,197 +39,270 @@ class Row(NamedTuple):
     Attributes:
         node: its class.
         arguments: of the class.
+        compared: types of those of its messages that must come out again.
         files: parameters that are set to a file with a recorded text, by the text's name.
+        states: that it goes on from; each is taken up behind those before it.
+        fixed: parameters that a node has found; with one it cannot begin in the middle of a run.
     """
 
     node: type[GuardedNode]
     arguments: Mapping[str, Any]
-    files: Mapping[str, str]
+    compared: frozenset[str]
+    files: Mapping[str, str] = MappingProxyType({})
+    states: tuple[State, ...] = ()
+    fixed: tuple[str, ...] = ()
 
 
-ROWS: Mapping[str, Row] = {
-    "estimator": Row(
-        EstimatorNode, {"later": True}, {"model": "model", TRAY: "model", ROBOT: "urdf"}
+_TYPES = {row.name: row.type for row in topics.TOPICS}
+
+
+def types_of(*names: str) -> frozenset[str]:
+    """Returns the types of a cell's topics, by their names."""
+    return frozenset(_TYPES[name] for name in names)
+
+
+MATCHED_NS: Final = 5 * SECOND // 2
+"""A monitor matches a measurement and estimates that came so far apart, and none farther."""
+_STATES = (
+    State(
+        types_of(topics.ESTIMATE, topics.EXPECTED_READING, topics.ESTIMATOR_STATE),
+        topics.ESTIMATOR_STATE, EstimatorState,
     ),
-    "monitor": Row(MonitorNode, {}, {}),
-    "sensor": Row(SensorNode, {}, {PAYLOAD: PAYLOAD}),
-}
-COMPARED = (
-    topics.ESTIMATE, topics.EXPECTED_READING, topics.TRAY_ESTIMATE, topics.FUSED_ESTIMATE,
-    topics.CALM, topics.COMPARISON, topics.SENSED_SURFACE, topics.FREE_SURFACE,
-    topics.ESTIMATOR_STATE, topics.OBSERVER_STATE, topics.LIMIT_EVENT,
+    State(
+        types_of(topics.FUSED_ESTIMATE, topics.OBSERVER_STATE),
+        topics.OBSERVER_STATE, ObserverState,
+    ),
+    State(types_of(topics.CALM), topics.CALM, Calm),
 )  # fmt: skip
-_STAMP = slice(4, 12)
-"""Where a serialised message has the stamp of its header."""
-
-
-class TopicMatch(NamedTuple):
-    """Recorded messages of one topic against those of the replay.
-
-    Attributes:
-        identical: recorded ones that the replay gives bit for bit.
-        different: recorded ones of whose stamp the replay gives another message.
-        missing: recorded ones of whose stamp it gives none.
-        unchecked: recorded ones that the node sent after its last journal, as when it was killed.
-    """
-
-    identical: int = 0
-    different: int = 0
-    missing: int = 0
-    unchecked: int = 0
-
-    @property
-    def exact(self) -> bool:
-        """Whether there are messages and all are the same."""
-        return self.identical > 0 and not self.different and not self.missing
+ROWS: Final[Mapping[str, Row]] = {
+    "estimator": Row(
+        EstimatorNode,
+        {"later": True},
+        frozenset[str]().union(types_of(topics.TRAY_ESTIMATE), *(one.gives for one in _STATES)),
+        {"model": "model", TRAY: "model", ROBOT: "urdf"},
+        _STATES,
+        (PLACED, CHAINED_SINCE, EMPTY),
+    ),
+    "monitor": Row(
+        MonitorNode,
+        {},
+        types_of(topics.COMPARISON, topics.LIMIT_EVENT),
+        states=(State(types_of(topics.COMPARISON), after_ns=MATCHED_NS),),
+    ),
+    "sensor": Row(SensorNode, {}, types_of(topics.FREE_SURFACE), {PAYLOAD: PAYLOAD}),
+}
+CHANGED: Final = "its message type has changed since"
+_UNTAKEN_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+"""No node with a journal takes these; they are large."""
+LATE_NS: Final = 2 * SECOND
+"""A message may be recorded so long after a journal that names it."""
+KEPT: Final = 20_000
+"""Recorded messages of a topic that no node is known to publish."""
+_NEVER = 2**63 - 1
 
 
 class NodeReplay(NamedTuple):
-    """Result of the replay of one process of a node.
+    """What was replayed of one process of a node.
 
     Attributes:
         node: its name.
         taken: things that it was given.
         lacking: why it was not given all; empty: it was.
-        matches: by the last name of the topic.
     """
 
     node: str
     taken: int
     lacking: str
-    matches: Mapping[str, TopicMatch]
-
-    @property
-    def failure(self) -> str:
-        """What differs from the recorded messages, in one line; empty: nothing."""
-        parts = [
-            f"{topic}: {match.different} of {match.identical + match.different} differ, "
-            f"{match.missing} are missing"
-            for topic, match in self.matches.items()
-            if match.different or match.missing
-        ]
-        return f"{self.node} by its journal: {'; '.join(parts)}" if parts else ""
 
 
-def replay_journals(path: str | Path, cell: str | None = None) -> list[NodeReplay]:
+class JournaledReplay(NamedTuple):
+    """Result of the replay of all nodes of a recording by their journals.
+
+    Attributes:
+        processes: of nodes, in the order in which they began.
+        verified: recorded messages against those of the replay, by the topic's name in the cell.
+        mixed: nodes of which two processes ran at once.
+    """
+
+    processes: tuple[NodeReplay, ...]
+    verified: Mapping[str, Verification]
+    mixed: tuple[str, ...] = ()
+
+
+def replay_journals(
+    bag: str | Path | BagReader, cell: str | None = None, rows: Mapping[str, Row] = ROWS
+) -> JournaledReplay:
     """Replays each node of a recording by its journal, and compares what it publishes.
 
     Args:
-        path: of the bag.
+        bag: its path, or a reader of it.
         cell: namespace of the topics; None: the first cell that has journals.
+        rows: the nodes that can be replayed, by name.
 
     Raises:
         SloshBagError: no readable bag.
     """
-    reader = BagReader(path)
+    reader = bag if isinstance(bag, BagReader) else BagReader(bag)
     if cell is None:
         suffix = f"/{topics.JOURNAL}"
         named = (one.removesuffix(suffix) for one in reader.topics() if one.endswith(suffix))
         cell = next(named, topics.NAMESPACE)
-    processes = read_processes(reader, f"{cell}/{topics.JOURNAL}")
-    starts = read_starts(reader, f"{cell}/{topics.SETTINGS}")
-    found: list[NodeReplay] = []
-    before_ns: dict[str, int] = defaultdict(lambda: -(2**63))
-    for process in processes:
-        row = ROWS.get(process.node)
-        own = [one for one in starts if one.node == process.node and one.is_process]
-        start = next((one for one in own if one.log_ns > before_ns[process.node]), None)
-        before_ns[process.node] = process.begin_ns
-        if row is None or start is None:
-            continue
-        found.append(_replay(reader, process, row, start, cell))
-    return found
+    with tempfile.TemporaryDirectory(prefix="slosh_replay_") as folder:
+        replay = _Replay(reader, f"/{cell.strip('/')}".rstrip("/"), rows, Path(folder))
+        return replay.run()
 
 
-def _replay(
-    reader: BagReader, process: Process, row: Row, start: NodeStart, cell: str
-) -> NodeReplay:
-    given: dict[str, list[bytes]] = defaultdict(list)
+class _Replay:
+    """A running replay: reads the recording once, and gives the nodes what they took."""
 
-    def give(topic: str, serialise: Callable[[], bytes]) -> None:
-        if topic.removeprefix(f"{cell}/") in COMPARED:
-            given[topic].append(serialise())
+    def __init__(
+        self, reader: BagReader, cell: str, rows: Mapping[str, Row], folder: Path
+    ) -> None:
+        self._reader, self._cell, self._rows, self._folder = reader, cell, rows, folder
+        self._journal = f"{cell}/{topics.JOURNAL}"
+        self._types = {name: info.message_type for name, info in reader.topics().items()}
+        self._compared = frozenset[str]().union(*(row.compared for row in rows.values()))
+        self._starts = read_starts(reader, f"{cell}/{topics.SETTINGS}")
+        self._messages = RecentMessages()
+        self._recorded: dict[str, list[Recorded]] = defaultdict(list)
+        self._waiting: deque[BagMessage] = deque()
+        self._running: dict[str, Process] = {}
+        self._ended: list[ProcessNotes] = []
+        self._mixed: dict[str, None] = {}
+        self._processes: list[Process] = []
+        self._tallies: dict[str, Tally] = {}
+        changed = {one for one in set(self._types.values()) if self._has_changed(one)}
+        self._unread = {*_UNTAKEN_TYPES, *changed}
+        for topic, info in reader.topics().items():
+            if info.message_type in changed & self._compared:
+                self._tallies[topic] = Tally(topic)
+                self._tallies[topic].leave_out(info.count or 0, CHANGED)
 
-    with tempfile.TemporaryDirectory(prefix="slosh_replay_") as name:
-        parameters = {**start.parameters, **_files(Path(name), start, row)}
-        place = Place(cell, parameters, start.topics, simulated=False, give=give)
-        node = replayed(row.node, place, **row.arguments)
-        for taken in process.taken:
-            if taken.source == START:
-                node.journal.begin(taken)
-            elif taken.source == BEGIN:
-                node.journal.begin(taken)
-                node.prepare(lambda _: None)
-                node.is_prepared()
+    def _has_changed(self, kind: str) -> bool:
+        """Returns whether a type of the recording is another one than that of the nodes' code."""
+        if self._journal not in self._types:
+            return False
+        try:
+            recorded = self._reader.typestore_of(kind).generate_msgdef(kind, ros_version=2)[0]
+            return bool(Definitions().text(kind) != recorded)
+        except SloshBagError:
+            return True  # nothing here can read it
+
+    def run(self) -> JournaledReplay:
+        """Reads the recording and returns the result."""
+        heard = [one for one, kind in self._types.items() if kind not in self._unread]
+        for message in self._reader.messages(heard) if self._journal in self._types else ():
+            if message.topic == self._journal:
+                self._waiting.append(message)
             else:
-                node.use(taken)
-    matches = {
-        topic.removeprefix(f"{cell}/"): _match(reader, topic, messages, process)
-        for topic, messages in given.items()
-    }
-    return NodeReplay(process.node, len(process.taken), process.lacking, matches)
+                self._messages.add(message)
+                if message.message_type in self._compared:
+                    self._keep(message)
+            while self._waiting and message.log_ns - self._waiting[0].log_ns > LATE_NS:
+                self._use(self._waiting.popleft())
+        while self._waiting:
+            self._use(self._waiting.popleft())
+        for process in self._running.values():
+            process.finish(_NEVER)
+        processes = [
+            NodeReplay(one.node, one.notes.taken, one.notes.lacking) for one in self._processes
+        ]
+        found = {
+            topic.removeprefix(f"{self._cell}/"): self._named(topic, tally.result())
+            for topic, tally in self._tallies.items()
+        }
+        verified = {name: one for name, one in found.items() if one.total or one.unchecked}
+        return JournaledReplay(tuple(processes), verified, tuple(self._mixed))
+
+    def _named(self, topic: str, result: Verification) -> Verification:
+        """Returns the result with the first thing that the recording lacks of what a node took."""
+        lacking = [one.notes.lacking for one in self._processes if one.speaks_on(topic)]
+        first = next(filter(None, lacking), "")
+        if not first or UNTAKEN not in result.unchecked:
+            return result
+        told = {
+            why + f", first {first}" * (why == UNTAKEN): n for why, n in result.unchecked.items()
+        }
+        return replace(result, unchecked=told)
+
+    def _keep(self, message: BagMessage) -> None:
+        """Keeps what a node may have published; of what none does, the last."""
+        kept = self._recorded[message.topic]
+        kept.append(Recorded(message.publish_ns, message.data))
+        if len(kept) > KEPT and message.topic not in self._tallies:
+            del kept[: KEPT // 2]
+
+    def _use(self, message: BagMessage) -> None:
+        """Gives a node what the next of its journals names."""
+        journal = self._reader.decode(message)
+        process: Process | None = self._running.get(journal.node)
+        if process is None or process.notes.count != journal.first or not journal.first:
+            for notes in self._ended:
+                if journal.first and (notes.node, notes.count) == (journal.node, journal.first):
+                    notes.count += len(journal.source)
+                    self._mixed[journal.node] = None
+                    return
+            if process is not None:
+                process.finish(begun_ns(journal))
+                self._ended.append(process.notes)
+            process = self._begin(journal, message.log_ns)
+        if process is not None:
+            process.add(journal, message.publish_ns)
+
+    def _begin(self, journal: Any, log_ns: int) -> Process | None:
+        """Creates a node for its process that begins with a journal; None: it has no row.
+
+        Where that is not the process's first one, the node begins in the middle of its run.
+        """
+        row, start = self._rows.get(journal.node), self._start(journal, log_ns)
+        if row is None or start is None:
+            return None
+        is_first = all(one.node != journal.node for one in self._processes)
+        begun = LONG_AGO if journal.first and is_first else begun_ns(journal)
+        notes = ProcessNotes(journal.node, log_ns, begun, journal.first)
+        if journal.first and any(start.parameters.get(name) for name in row.fixed):
+            row = row._replace(states=())
+        output = partial(self._output, row.compared)
+        process = Process(notes, row.states, self._messages, output, self._recorded)
+        folder = self._folder / str(len(self._processes))
+        parameters = {**start.parameters, **_files(folder, start, row)}
+        place = Place(
+            self._cell, parameters, start.topics, simulated=False, give=process.give,
+            publishes=process.publishes,
+        )  # fmt: skip
+        process.create(row.node, row.arguments, place)
+        if journal.first:
+            process.begin_late(begun_ns(journal), journal.steady)
+        self._running[journal.node] = process
+        self._processes.append(process)
+        return process
+
+    def _start(self, journal: Any, log_ns: int) -> NodeStart | None:
+        """Returns the recorded settings with which a process begins its journal."""
+        own = [one for one in self._starts if one.node == journal.node]
+        if journal.first:
+            known = [one for one in own if one.log_ns <= log_ns]
+            return last_of_each(known or own[:1]).get(journal.node)
+        before = [one.notes.log_ns for one in self._processes if one.node == journal.node]
+        after_ns = max(before, default=-(2**63))
+        return next((one for one in own if one.is_process and one.log_ns > after_ns), None)
+
+    def _output(self, compared: Collection[str], topic: str) -> ComparedOutput | None:
+        """Creates what compares a topic; None: it was not recorded, or is not compared."""
+        kind = self._types.get(topic)
+        if kind is None or kind not in compared or kind in self._unread:
+            return None
+        tally = self._tallies.setdefault(topic, Tally(topic))
+        return ComparedOutput(self._reader, topic, kind, tally)
 
 
 def _files(folder: Path, start: NodeStart, row: Row) -> dict[str, str]:
     """Writes recorded texts to files; returns the parameters that name them."""
     found = {}
+    folder.mkdir()
     for text, parameter in row.files.items():
         if text in start.files:
             path = folder / f"{text}.yaml"
             path.write_text(start.files[text], "utf-8")
             found[parameter] = str(path)
     return found
-
-
-def _match(reader: BagReader, topic: str, given: Sequence[bytes], process: Process) -> TopicMatch:
-    own = [
-        one
-        for one in reader.messages({topic})
-        if process.begun_ns <= one.publish_ns < process.end_ns
-    ]
-    recorded = [one for one in own if one.publish_ns <= process.until_ns]
-    late = len(own) - len(recorded)
-    if not recorded:
-        return TopicMatch(unchecked=late)
-    kind = recorded[0].message_type
-    ours, theirs = _places(given), _places([message.data for message in recorded])
-    shared = [place for place in theirs if place in ours]
-    pairs = [
-        reader.columns(_block(topic, kind, [data[place] for place in shared]))
-        for data in (ours, theirs)
-    ] if shared else [{}, {}]  # fmt: skip
-    same = np.ones(len(shared), dtype=bool)
-    for name, column in pairs[1].items():
-        same &= _same_bits(column, pairs[0].get(name, column[:0]))
-    identical = int(np.count_nonzero(same))
-    return TopicMatch(identical, len(shared) - identical, len(theirs) - len(shared), late)
-
-
-def _places(messages: Sequence[bytes]) -> dict[tuple[bytes, int], bytes]:
-    """Returns messages by stamp, and by their place among those of the same stamp."""
-    counts: Counter[bytes] = Counter()
-    found = {}
-    for data in messages:
-        stamp = data[_STAMP]
-        found[stamp, counts[stamp]] = data
-        counts[stamp] += 1
-    return found
-
-
-def _block(topic: str, kind: str, messages: Sequence[bytes]) -> MessageBlock:
-    whole = [whole_words(data) for data in messages]
-    length = np.array([len(data) for data in whole], np.int64)
-    start = np.cumsum(length) - length
-    times = np.zeros(len(whole), np.int64)
-    buffer = np.frombuffer(b"".join(whole), np.uint8)
-    return MessageBlock(topic, kind, times, times, start, length, buffer)
-
-
-def _same_bits(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
-    if a.shape != b.shape:
-        return np.zeros(len(a), dtype=bool)
-    if a.dtype.kind == "f":
-        a, b = (np.ascontiguousarray(one).view(f"i{one.itemsize}") for one in (a, b))
-    same = np.ma.filled(np.ma.asarray(a == b), True) if np.ma.isMaskedArray(a) else a == b
-    rows: NDArray[np.bool_] = np.all(np.asarray(same).reshape(len(a), -1), axis=1)
-    return rows

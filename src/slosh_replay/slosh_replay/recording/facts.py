@@ -65,10 +65,9 @@ def shared_topics_line(facts: Mapping[str, str]) -> str:
     nodes = _json_object(facts.get(PUBLISHERS, ""))
     named = ", ".join(_with_nodes(topic, nodes.get(topic)) for topic in topics.split(","))
     return (
-        f"several publishers were mixed on {named}, as when two cells share a namespace: only "
-        "estimates can be separated, by their counters; those of one estimator are replayed as "
-        "far as its inputs are known (the first, or the one of `slosh replay --estimator`); stop "
-        "one publisher, or give it another namespace or ROS_DOMAIN_ID"
+        f"several publishers were mixed on {named}, as when two cells share a namespace: their "
+        "messages cannot be separated; stop one publisher, or give it another namespace or "
+        "ROS_DOMAIN_ID"
     )
 
 

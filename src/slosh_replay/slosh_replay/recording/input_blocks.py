@@ -41,7 +41,10 @@ from slosh_metrics.input_checks.stamp_checks import stamp_doubts
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_msgs_py import topics
 from slosh_replay.recording.inputs import (
+    LACKING,
+    LOGGED,
     PLACED_FIELDS,
+    STAMP,
     fields,
     recorded_inputs,
     stamps_of,
@@ -49,6 +52,7 @@ from slosh_replay.recording.inputs import (
 )
 from slosh_replay.recording.settings import first
 from slosh_replay.recording.sources import Sources
+from slosh_replay.recording.taken_inputs import NOT_TAKEN, TakenInputs
 
 Columns = Mapping[str, NDArray[Any]]
 _FRAME = "header.frame_id"
@@ -61,16 +65,26 @@ class InputBlocks:
         reader: of the bag.
         sources: its topics.
         how: the input is read.
+        taken: leaves out what the recorded estimator did not take, or not in time; None: nothing.
 
     Attributes:
         topics: whose blocks it reads.
+        left_out: messages of the input that `taken` has left out so far.
 
     Raises:
         SloshBagError: joints without a robot's description, or with one that does not fit.
     """
 
-    def __init__(self, reader: BagReader, sources: Sources, how: InputSettings) -> None:
-        self._reader = reader
+    def __init__(
+        self,
+        reader: BagReader,
+        sources: Sources,
+        how: InputSettings,
+        taken: TakenInputs | None = None,
+    ) -> None:
+        self._reader, self._taken_inputs, self.left_out = reader, taken, 0
+        self._max_age_ns = round(how.gate.max_age * 1e9)
+        self._lacking: list[int] = []
         self._columns = ColumnReader(reader.typestore_of)
         self._fields = fields(sources.kind)
         self._world = how.frames[0]
@@ -96,32 +110,66 @@ class InputBlocks:
     def columns(self, blocks: Sequence[MessageBlock]) -> Columns:
         """Returns the values of the input's messages in a chunk, as columns.
 
+        LACKING is there with the journal of the recorded estimator.
+
         Args:
             blocks: of `topics`, at least one.
 
         Raises:
             SloshBagError: a message is not of its type.
         """
+        taken = self._taken_inputs
+        if taken is None:
+            return self._values(blocks)
+        columns = self._values([self._in_time(taken, block) for block in blocks])
+        lacking = np.zeros(len(columns[LOGGED]), dtype=bool)
+        places = np.searchsorted(columns[LOGGED], self._lacking)
+        lacking[places[places < len(lacking)]] = True
+        late = zip(self._lacking, places.tolist(), strict=True)
+        self._lacking = [log_ns for log_ns, place in late if place == len(lacking)]
+        return {**columns, LACKING: lacking}
+
+    def _values(self, blocks: Sequence[MessageBlock]) -> Columns:
         if self._poses is None:
-            columns = self._columns.columns(blocks[0], self._fields)
+            (block,) = blocks
+            columns = self._columns.columns(block, self._fields)
             stamps = stamps_of(columns)
             self._stamped += int(np.count_nonzero(stamps))
             self._messages += len(stamps)
-            stamped, logged = self._clock_of("")
-            stamped.extend(stamps.tolist())
-            logged.extend(blocks[0].log_ns.tolist())
-            return columns
+            own_stamps, own_logged = self._clock_of("")
+            own_stamps.extend(stamps.tolist())
+            own_logged.extend(block.log_ns.tolist())
+            return {**columns, LOGGED: block.log_ns}
         messages = [message for block in blocks for message in messages_of(block)]
         if len(blocks) > 1:  # in the order in which the node heard them
             messages.sort(key=lambda message: message.log_ns)
-        decoded = map(self._noted, messages)
+        logged: list[int] = []
         if isinstance(self._poses, PlacedAccel):
-            placed = [one for message in decoded for one in self._placed(self._poses, message)]
+            placed: list[PlacedAcceleration] = []
+            for message in messages:
+                placed += self._placed(self._poses, self._noted(message))
+                logged += [message.log_ns] * (len(placed) - len(logged))
             self._count += len(placed)
-            return _placed_columns(placed, self._world)
-        found = [one for message in decoded for one in self._taken(message)]
-        self._count += len(found)
-        return _pose_columns(found, self._world)
+            columns = _placed_columns(placed, self._world)
+        else:
+            found: list[TimedPose] = []
+            for message in messages:
+                found += self._taken(self._noted(message))
+                logged += [message.log_ns] * (len(found) - len(logged))
+            self._count += len(found)
+            columns = _pose_columns(found, self._world)
+        return {**columns, LOGGED: np.array(logged, dtype=np.int64)}
+
+    def _in_time(self, taken: TakenInputs, block: MessageBlock) -> MessageBlock:
+        """Returns the messages that the recorded estimator took, and not too late."""
+        arrivals, lacking = taken.arrivals(block)
+        self._lacking += block.log_ns[lacking].tolist()
+        kept = arrivals != NOT_TAKEN
+        if kept.any() and _row(topics.TF).type != block.message_type:
+            late = arrivals - stamps_of(self._columns.columns(block, STAMP))
+            kept &= (arrivals < 0) | (np.abs(late) <= self._max_age_ns)
+        self.left_out += int(np.count_nonzero(~kept & (block.log_ns >= taken.begun_ns)))
+        return block if kept.all() else block.take(kept)
 
     def _noted(self, message: BagMessage) -> Any:
         """Returns a decoded message of `topics`; counts those of the input and their stamps."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -51,6 +50,10 @@ MIXED = 0.05
 """One publisher stamps no such share of its messages before the one ahead of them."""
 STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 """Fields of every message with a header that `stamps_of` reads."""
+LOGGED = "logged"
+"""Column beside the messages' fields: when each was recorded [ns]."""
+LACKING = "lacking"
+"""Column beside them: whether inputs before it lack that the estimator took."""
 
 
 def recorded_inputs(starts: Sequence[NodeStart], facts: Mapping[str, str]) -> InputSettings:
@@ -103,17 +106,15 @@ class InputReader:
     Args:
         kind: of the input, see `slosh_estimator.inputs`.
         settings: of the node.
-        chosen: whether only messages come that the node used.
 
     Attributes:
         max_gap_ns: the longest gap that is integrated across [ns].
     """
 
-    def __init__(self, kind: str, settings: InputSettings, *, chosen: bool = False) -> None:
+    def __init__(self, kind: str, settings: InputSettings) -> None:
         self.kind = kind
         self.max_gap_ns = round(settings.gate.max_gap * 1e9)
-        self._chosen = chosen
-        self._settings = settings._replace(gate=self._gate(settings))
+        self._settings = settings
         self._adapter = self._settings.reader(self.kind)
         self._used_before = self._dropped_before = self._gaps_before = 0
         self._slow = ""
@@ -122,9 +123,6 @@ class InputReader:
         self._faults: list[str] = []
         self._messages: list[InputDoubt] = []  # before restarts
         self._tilted: NDArray[np.float64] | None = None
-
-    def _gate(self, settings: InputSettings) -> GateSettings:
-        return replace(settings.gate, chosen=self._chosen)
 
     @property
     def counters(self) -> dict[str, int]:
@@ -175,7 +173,7 @@ class InputReader:
 
     def change(self, settings: InputSettings) -> None:
         """Applies changed input limits to the next messages, as a live node does."""
-        self._settings = self._settings._replace(gate=self._gate(settings))
+        self._settings = self._settings._replace(gate=settings.gate)
         self._adapter.gate.change(self._settings.gate)
 
     def restart(self, settings: InputSettings | None = None) -> None:
@@ -185,7 +183,7 @@ class InputReader:
             settings: of the new node; None: as before.
         """
         if settings is not None:
-            self._settings = settings._replace(gate=self._gate(settings))
+            self._settings = settings
         self._adapter.check.faults.finish()
         self._faults += self._adapter.check.faults.texts()
         self._raised |= self._raised_now()

@@ -84,7 +84,9 @@ def first(starts: Sequence[NodeStart], node: str) -> NodeStart | None:
 def heard(
     starts: Sequence[NodeStart], node: str, published_ns: NDArray[np.int64]
 ) -> tuple[NodeStart, ...]:
-    """Removes the starts of node processes that ended before they published any message.
+    """Removes the starts of a node after which it published nothing until the next.
+
+    Such a process had ended, or has told its settings anew before its first message.
 
     Args:
         starts: in the order of the recording.
@@ -98,28 +100,6 @@ def heard(
         start
         for start in starts
         if start.node != node or not any(begin <= start.log_ns < end for begin, end in idle)
-    )
-
-
-def of_process(
-    starts: Sequence[NodeStart], node: str, number: int, count: int
-) -> tuple[NodeStart, ...]:
-    """Drops the starts of all but one of a node's processes; none if a start is not recorded.
-
-    Args:
-        starts: in the order of the recording.
-        node: which.
-        number: of its processes, from 1, in the order of their starts.
-        count: how many of them ran side by side.
-    """
-    own = [place for place, start in enumerate(starts) if start.node == node]
-    begun = [place for place in own if starts[place].is_process]
-    if len(begun) != count:
-        return tuple(starts)
-    return tuple(
-        start
-        for place, start in enumerate(starts)
-        if place not in own or place == begun[number - 1]
     )
 
 

@@ -18,9 +18,6 @@ SURFACE = _TYPES[topics.FREE_SURFACE]
 ESTIMATE = _TYPES[topics.ESTIMATE]
 TRAY = _TYPES[topics.TRAY_ESTIMATE]
 COMPARISON = _TYPES[topics.COMPARISON]
-CALM = _TYPES[topics.CALM]
-FUSED = _TYPES[topics.FUSED_ESTIMATE]
-WRENCH = _TYPES[topics.FORCE]
 _OWN = {settings.TOPIC: settings.MESSAGE_TYPE, "estimate": ESTIMATE, "comparison": COMPARISON}
 """Topics of an estimator or a monitor: where there is one, there is a cell."""
 _SHARED = {row.name for row in topics.TOPICS if row.is_absolute}
@@ -37,7 +34,7 @@ class Sources(NamedTuple):
         starts: of the recorded nodes.
         facts: about the whole bag.
         state: topic of the estimator's states; None: none were recorded.
-        observer_state: the same of its observer.
+        journal: the same of what the nodes took.
     """
 
     kind: str
@@ -49,7 +46,7 @@ class Sources(NamedTuple):
     starts: tuple[NodeStart, ...]
     facts: Mapping[str, str]
     state: str | None = None
-    observer_state: str | None = None
+    journal: str | None = None
 
     def without_answers_to_others(self) -> Sources:
         """Drops recorded results that were computed from an input that is not replayed."""
@@ -98,7 +95,7 @@ def find_sources(
                 found.starts,
                 reader.metadata(),
                 found.topic(states.TOPIC, states.MESSAGE_TYPE),
-                found.topic(topics.OBSERVER_STATE, _TYPES[topics.OBSERVER_STATE]),
+                found.topic(topics.JOURNAL, _TYPES[topics.JOURNAL]),
             )
     where = f" for the cell {found.cells[0] or '/'}" if len(found.cells) > 1 else ""
     told = found.told(TOPIC_NAMES.get(wanted[0], wanted[0])) if len(wanted) == 1 else ""

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
-
-import numpy as np
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader, messages_of, stamp_ns
-from slosh_estimator.observer.states import ObserverState
-from slosh_estimator.sample import Sample
 from slosh_estimator.state import EstimatorState
 
 TOPIC: Final = "estimator_state"
 MESSAGE_TYPE: Final = "slosh_msgs/msg/EstimatorState"
-_POSE = 4  # where a sample's pose begins
 
 
 class RecordedState(NamedTuple):
@@ -36,15 +30,6 @@ class RecordedState(NamedTuple):
     memory: tuple[float, ...]
 
 
-def observer_states_of(reader: BagReader, block: MessageBlock) -> tuple[ObserverState, ...]:
-    """Returns the observer states in a message block; unreadable ones are ignored."""
-    found = []
-    for message in messages_of(block):
-        with contextlib.suppress(SloshBagError, ValueError):
-            found.append(_observer_state(reader.decode(message)))
-    return tuple(found)
-
-
 def states_of(reader: BagReader, block: MessageBlock) -> tuple[RecordedState, ...]:
     """Returns the estimator states in a message block; invalid ones are ignored."""
     return tuple(_readable(reader, block))
@@ -59,32 +44,9 @@ def _readable(reader: BagReader, block: MessageBlock) -> Iterator[RecordedState]
 
 
 def _state(message: Any) -> RecordedState:
-    ax, ay, az, yaw = message.sample[:_POSE].tolist()
-    pose = tuple(message.sample[_POSE:].tolist()) or None
-    sample = Sample(int(message.sample_stamp), ax, ay, az, yaw, pose=pose)
     return RecordedState(
         stamp_ns(message),
         int(message.samples_used),
-        EstimatorState(
-            sample, int(message.first_stamp), int(message.settled_stamp),
-            *(np.array(part) for part in (message.linear, message.nonlinear, message.checks)),
-        ),
+        EstimatorState.of_message(message),
         tuple(message.input.tolist()),
-    )  # fmt: skip
-
-
-def _observer_state(message: Any) -> ObserverState:
-    stamps = (int(message.corrected_stamp), int(message.judged_stamp))
-    corrected, judged = (None if stamp < 0 else stamp for stamp in stamps)
-    model, parameters, covariance, changes, past = (
-        np.array(getattr(message, name), dtype=float)
-        for name in ("model", "parameters", "covariance", "changes", "past")
     )
-    # Older versions knew no sensors beside the camera.
-    sensed_ns = int(getattr(message, "sensed_stamp", -1))
-    return ObserverState(
-        stamp_ns(message), int(message.first_stamp), corrected, judged,
-        tuple(map(int, message.counts)), int(message.rejected_in_turn), message.anchored_at,
-        model, parameters, covariance, changes, past, int(getattr(message, "sensed", 0)),
-        None if sensed_ns < 0 else sensed_ns,
-    )  # fmt: skip

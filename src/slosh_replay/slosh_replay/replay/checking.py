@@ -11,7 +11,7 @@ from slosh_estimator.limits import Event, Source
 from slosh_msgs_py.topics import ESTIMATE
 from slosh_replay.manifest import Expectation, ExpectedEvent, ExpectedNumber
 from slosh_replay.replay.result import ReplayResult
-from slosh_replay.replay.verification import Verification
+from slosh_replay.replay.verification import ORDER_UNKNOWN, Verification
 from slosh_report.page.units import unit_style
 from slosh_report.run_report import CheckRow
 
@@ -19,6 +19,9 @@ HEIGHT_TOLERANCE, SHARE_TOLERANCE, TIME_TOLERANCE = 1e-6, 1e-4, 1e-3
 """Tolerances of a manifest that is written: of heights [m], of ε [1], of times [s]."""
 ROUNDING = 1e-9
 """Tolerance of estimates on a machine that rounds otherwise than the recording one [SI units]."""
+
+RECORDED = Expectation(tolerance=0.0, warnings=None)
+"""What a bag without a manifest must give: its own estimates again; warnings are told."""
 
 
 class Point(NamedTuple):
@@ -90,7 +93,7 @@ def expectation_of(result: ReplayResult) -> Expectation:
     The tolerances leave room for another machine's rounding and for nothing else that matters.
     """
     found = result.verification
-    compared = found is not None and found.recorded + found.missing > 0
+    compared = found is not None and found.total > 0
     return Expectation(
         tolerance=0.0 if compared else None,
         images=result.counters.get("images", 0),
@@ -169,21 +172,26 @@ def _estimates(result: ReplayResult, tolerance: float | None) -> list[Point]:
         return []
     name = "recorded estimates"
     found = result.verification
-    if found is None or not found.recorded + found.missing:
+    if found is not None and not found.total and found.unchecked:
+        return [Point(name, line) for line in found.lines()]
+    if found is None or not found.total:
         return [Point(name, "estimates: none were recorded; there is nothing to compare with")]
     return _same(name, found, tolerance)
 
 
 def _further(result: ReplayResult, tolerance: float | None) -> list[Point]:
-    """Checks the replayed results of nodes other than the estimator against their tolerances."""
+    """Checks that what else the nodes published comes out again, by their journals.
+
+    Without a journal nothing tells in which order a node took its inputs: that is no failure.
+    """
     return [
         point
         for name, found in result.verified.items()
         if name != ESTIMATE
         and tolerance is not None
-        and found.tolerance is not None
-        and found.recorded + found.missing
-        for point in _same(f"recorded {name}", found, found.tolerance)
+        and found.total
+        and ORDER_UNKNOWN not in found.causes
+        for point in _same(f"recorded {name}", found, 0.0)
     ]
 
 

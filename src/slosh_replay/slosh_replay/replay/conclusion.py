@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,7 @@ from slosh_replay.replay.accuracy import Judgement, judge
 from slosh_replay.replay.result import ReplayResult
 from slosh_replay.replay.series import Series
 from slosh_replay.replay.stream import ReplayStream
-from slosh_replay.replay.verification import Verification
+from slosh_replay.replay.verification import ORDER_UNKNOWN, Verification
 
 DRAWN = 20_000
 """Images whose heights the result holds; of a longer run it holds the extremes."""
@@ -31,7 +30,7 @@ class Origin(NamedTuple):
 
 
 def conclude(
-    name: str, source: str, stream: ReplayStream, origin: Origin | None = None
+    name: str, source: str, stream: ReplayStream, origin: Origin | None = None, left_out: int = 0
 ) -> ReplayResult:
     """Creates the result object of a finished replay.
 
@@ -40,11 +39,12 @@ def conclude(
         source: topic or file that drove the models.
         stream: the replay.
         origin: what is known to differ between the recording and the replay.
+        left_out: recorded inputs that the live estimator did not take.
 
     Raises:
         SloshBagError: there is no usable input.
     """
-    setting, series, reader = stream.setting, stream.series, stream.setting.reader
+    series, reader = stream.series, stream.setting.reader
     if not reader.counters["samples_used"]:
         raise SloshBagError(f"{name}: holds no usable message of {source}{reader.refusal}")
     reader.finish()
@@ -53,11 +53,11 @@ def conclude(
     if estimator.untaken:
         causes = (*origin.causes, f"the recorded state cannot be restored: {estimator.untaken}")
         origin = origin._replace(causes=causes)
-    elif setting.matcher is not None and setting.known is None:
-        origin = origin._replace(causes=(*origin.causes, *setting.matcher.remarks()))
+    verified = _verified(stream, origin)
     counters = {**reader.counters, "images": stream.images}
-    if estimator.unused:
-        counters["not_used_live"] = estimator.unused
+    unused = left_out + (verified[ESTIMATE].extra if ESTIMATE in verified else 0)
+    if unused:
+        counters["not_used_live"] = unused
     counters["unmatched_images"] = feed.monitor.unmatched
     names, laid = estimator.models.names, stream.alignment
     judged = Judgement()
@@ -91,7 +91,7 @@ def conclude(
         azimuth=rows["azimuth"],
         model_azimuth=rows["model_azimuth"],
         flags=rows["flags"],
-        verified=_verified(stream, origin),
+        verified=verified,
         model=estimator.models.model,
         limits=feed.settings,
         limit_changes=feed.changes,
@@ -100,18 +100,15 @@ def conclude(
 
 
 def _verified(stream: ReplayStream, origin: Origin) -> dict[str, Verification]:
-    """Compares all nodes' messages with the recorded ones, by the last part of topic names.
+    """Compares estimates with the recorded ones, by the last part of topic names.
 
-    Why estimates may differ is told of them, not of what follows from them.
+    Why estimates may differ is told of them, not of what follows from them, but for the order.
     """
-    found = {
-        name: verifier.result(*(origin if name == ESTIMATE else origin._replace(causes=())))
+    order = tuple(cause for cause in origin.causes if cause == ORDER_UNKNOWN)
+    return {
+        name: verifier.result(*(origin if name == ESTIMATE else origin._replace(causes=order)))
         for name, verifier in stream.verifiers.items()
     }
-    counter = stream.setting.counter
-    if ESTIMATE in found and counter is not None:
-        found[ESTIMATE] = replace(found[ESTIMATE], miscounted=counter.breaks)
-    return found
 
 
 def _astray(strays: Mapping[str, int]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import repeat
 from typing import Any, NamedTuple
 
@@ -17,12 +17,11 @@ from slosh_estimator.comparison import Comparison, EstimatePoint, MeasuredPoint
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_msgs_py.topics import COMPARISON
+from slosh_model.tray import Tray
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.replay.model_set import ModelHeights
-from slosh_replay.replay.nodes import Moment, Setting
 from slosh_replay.replay.series import chosen
-from slosh_replay.replay.verification import Messages, comparison_columns
+from slosh_replay.replay.setting import Setting
 
 NAN = float("nan")
 CHECK_NS = 100_000_000
@@ -65,18 +64,14 @@ class MonitorFeed:
     Args:
         settings: what the monitor watches.
         changes: what it watches for data with stamps after these [ns], in order.
-        monitor: that runs; None: a new one with these settings.
     """
 
     def __init__(
-        self,
-        settings: MonitorSettings,
-        changes: Sequence[tuple[int, MonitorSettings]] = (),
-        monitor: Monitor | None = None,
+        self, settings: MonitorSettings, changes: Sequence[tuple[int, MonitorSettings]] = ()
     ) -> None:
         self.settings = settings
         self.changes = tuple(changes)
-        self.monitor = monitor or Monitor(settings)
+        self.monitor = Monitor(settings)
         self._due = deque(changes)
         self._next_check = self._newest = -(2**62)
 
@@ -226,7 +221,7 @@ def _images(measured: Measurements) -> list[MeasuredPoint]:
 
 
 class ReplayedMonitor:
-    """The monitor, wrapped as one of the nodes in a replay.
+    """The monitor of a replay.
 
     Args:
         setting: of the replay.
@@ -240,20 +235,31 @@ class ReplayedMonitor:
         self.feed = MonitorFeed(setting.limits, setting.limit_changes)
         if setting.tray is not None:
             self.feed.monitor.carry(setting.tray)
-        self._trays, self._carried = setting.trays, 0
+        self._carried = 0
         self.events: list[Event] = []
         self._outputs = setting.outputs
 
-    def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Processes estimates and measured heights; returns comparisons of both."""
-        for last_ns, tray in self._trays[self._carried :]:
+    def carry(self, trays: Sequence[tuple[int, Tray]]) -> None:
+        """Applies the trays that are new, each after its stamp [ns]."""
+        for last_ns, tray in trays[self._carried :]:
             self.feed.monitor.carry(tray, last_ns)
-        self._carried = len(self._trays)
-        estimates = (
-            _NOTHING if moment.estimates is None else monitored(moment.estimates, moment.own)
-        )
-        comparisons = self.feed.add(estimates, moment.measured)
-        if moment.final:
+        self._carried = len(trays)
+
+    def update(
+        self, estimates: ModelHeights | None, own: tuple[int, int], measured: Measurements,
+        *, final: bool,
+    ) -> list[Comparison]:  # fmt: skip
+        """Processes estimates and measured heights, and tells and returns comparisons and events.
+
+        Args:
+            estimates: of all models; None: there are none yet.
+            own: which of them are the loaded model's L and NL twin.
+            measured: heights.
+            final: nothing follows.
+        """
+        given = _NOTHING if estimates is None else monitored(estimates, own)
+        comparisons = self.feed.add(given, measured)
+        if final:
             comparisons += self.feed.finish()
         events = self.feed.take_events()
         self.events += events
@@ -261,7 +267,7 @@ class ReplayedMonitor:
             self._outputs.comparisons(comparisons)
         if events:
             self._outputs.events(events)
-        return {COMPARISON: comparison_columns(comparisons)} if comparisons else {}
+        return comparisons
 
 
 def monitored(estimates: ModelHeights, own: tuple[int, int]) -> MonitoredHeights:

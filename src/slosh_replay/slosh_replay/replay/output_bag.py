@@ -18,7 +18,7 @@ from slosh_estimator.estimator import Estimates
 from slosh_estimator.limits import Event
 from slosh_model.wall import Wall, WallPlace
 from slosh_replay.replay.model_set import ModelSetEstimates
-from slosh_replay.replay.nodes import Outputs
+from slosh_replay.replay.setting import Outputs
 from slosh_replay.replay.verification import estimate_columns
 
 ESTIMATE = "slosh_msgs/msg/SloshEstimate"

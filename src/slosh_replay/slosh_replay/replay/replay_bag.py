@@ -12,17 +12,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_bag.columns.cdr_columns import ColumnReader, Columns
 from slosh_bag.errors import SloshBagError
-from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader
-from slosh_bag.recorder import SEVERAL
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compile_cache import sources_digest
+from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator import SOURCES
+from slosh_estimator.held_container import empty_and_fresh
 from slosh_estimator.inputs import WINDOWED, InputSettings, WantedInput
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_estimator.validity import attitude_warning
+from slosh_estimator.validity import EstimateFlag, attitude_warning
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.tilt import added_text, attitude_of, ignored_text, with_tilt
@@ -31,6 +30,7 @@ from slosh_msgs_py.topics import (
     COMPARISON,
     ESTIMATE,
     FUSED_ESTIMATE,
+    TOPICS,
     TRAY_ESTIMATE,
 )
 from slosh_replay.recorded_run import RecordedRun
@@ -40,7 +40,6 @@ from slosh_replay.recording.facts import (
     TABLE_ORIGIN,
     clocks_unrelated,
     lost_messages,
-    mixed_topics,
     noted_container,
     shared_topics_line,
 )
@@ -48,25 +47,32 @@ from slosh_replay.recording.heights import WAVE_FIELDS, measurements
 from slosh_replay.recording.input_blocks import InputBlocks, by_chunk, reading
 from slosh_replay.recording.inputs import STAMP, InputReader, stamps_of
 from slosh_replay.recording.settings import NodeStart
-from slosh_replay.recording.sources import Sources, find_sources
-from slosh_replay.recording.states import observer_states_of, states_of
+from slosh_replay.recording.sources import TRAY, Sources, find_sources
+from slosh_replay.recording.states import RecordedState, states_of
+from slosh_replay.recording.taken_inputs import TakenInputs
 from slosh_replay.replay.conclusion import Origin, conclude
-from slosh_replay.replay.container_feed import container_nodes
-from slosh_replay.replay.input_matching import InputMatcher
-from slosh_replay.replay.known_state import KnownState
-from slosh_replay.replay.node_table import node_table
-from slosh_replay.replay.nodes import NodeTopic, Outputs, ReplayedNode, Setting
-from slosh_replay.replay.one_estimator import OneEstimator
 from slosh_replay.replay.replay_table import replay_table
-from slosh_replay.replay.replayed_force import force_surface_topic
 from slosh_replay.replay.result import ReplayResult
 from slosh_replay.replay.series import Series
+from slosh_replay.replay.setting import Outputs, Setting
 from slosh_replay.replay.stream import ReplayStream
-from slosh_replay.replay.verification import Verifier
+from slosh_replay.replay.verification import (
+    COMPARED,
+    ORDER_UNKNOWN,
+    STALE,
+    Tally,
+    Verification,
+    Verifier,
+    estimate_fields,
+    tray_fields,
+)
 from slosh_replay.tables.bag_table import TableSettings, read_bag_table
 
-TURNS = 10
-"""Turns of the estimates per process of an estimator: more are of several at once."""
+BY_JOURNAL = "the nodes' own code gives them, with ROS 2, by the journals (--check)"
+IN_LOG_ORDER = "inputs in the order of recording; with ROS 2 that of the journals is taken"
+HEARD_NS = 100_000_000
+"""A recorder may hear an estimate so long before the input that it is made of."""
+_UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED | EstimateFlag.INPUT_CONTRADICTED)
 
 
 def replay_bag(
@@ -76,10 +82,10 @@ def replay_bag(
     given: InputSettings | WantedInput | None = None,
     outputs: Outputs | None = None,
     cell: str | None = None,
-    estimator: int = 1,
-    further: Sequence[ReplayedNode] = (),
 ) -> ReplayResult:
     """Replays a recorded bag through estimator and monitor, and returns the result.
+
+    All recorded inputs are taken, in the order in which they were recorded.
 
     >>> from slosh_replay import replay_bag
     >>> result = replay_bag("bags/c3")
@@ -95,26 +101,15 @@ def replay_bag(
             by that.
         outputs: receives estimates, comparisons and events as they come.
         cell: namespace of the topics; None: the bag's only or first cell.
-        estimator: which, from 1, where several were mixed on one topic; by their first estimates.
-        further: nodes that run behind those of `node_table`.
 
     Raises:
-        SloshBagError: no readable bag, no input in it, no model, no such estimator, or clocks that
-            cannot be related.
+        SloshBagError: no readable bag, no input in it, no model, or clocks that cannot be related.
     """
     run = path if isinstance(path, RecordedRun) else RecordedRun(path)
     path, reader = run.path, run.reader
     sources = find_sources(path, reader, given.kind if given else None, cell)
-    sources, several = _estimators(reader, sources)
-    sources = _unmixed(sources)
     sources = sources._replace(starts=_heard_starts(reader, sources))
     sources = sources.without_answers_to_others()
-    mixed = mixed_topics(sources.facts)
-    if not 1 <= estimator <= max(several, 1):
-        raise SloshBagError(f"{path}: estimator {estimator} of {several}: there is no such one")
-    if several > 1:
-        own = settings.of_process(sources.starts, "estimator", estimator, several)
-        sources = sources._replace(starts=own)
     started = settings.first(sources.starts, "estimator")
     recorded = settings.model_of(started) if started else None
     used = model or recorded or _noted_model(path, sources.facts)
@@ -129,67 +124,68 @@ def replay_bag(
     tray = settings.tray_of(started) if started and model is None else None
     if tray is not None and used is not plain:
         tray = tray.of(partial(how.felt, sources.kind))
-    count = len(tray.containers) if tray else 0
-    cameras = container_nodes(sources.starts, tray.names) if tray else ()
-    force_surface = force_surface_topic(sources.starts)
-    table = node_table(len(used.mode_constants()), count, force_surface, cameras)
-    nodes = _running(sources, (*table, *further))
-    heard = _heard(sources, nodes)
-    verifiers = _verifiers(heard, nodes, camera=watched.camera)
-    matcher = None
-    if sources.estimate and sources.kind not in WINDOWED:
-        matcher = InputMatcher(mixed={sources.input, sources.estimate} <= mixed)
-    input_reader = InputReader(sources.kind, how, chosen=matcher is not None)
-    losses: list[int] = []
+    input_reader = InputReader(sources.kind, how)
+    blocks = InputBlocks(reader, sources, how, _taken(reader, sources, given))
     setting = Setting(
         used,
         input_reader,
         watched,
         limit_changes,
         at_rest=settings.starts_at_rest(started),
-        matcher=matcher,
-        known=_known_state(verifiers, losses) if sources.state else None,
-        counter=None if sources.state or matcher is None or mixed else KnownState(None, losses),
+        late=begins_late(reader, sources, blocks.topics),
+        empty=started is not None and empty_and_fresh(started.parameters)[0],
         changes=_changes(sources, used, follow=model is None),
         follows_input=not isinstance(given, InputSettings),
         tray=tray,
-        trays=[],
-        starts=sources.starts,
         outputs=outputs or Outputs(),
-        loaded=[],
-        fused=verifiers.get(FUSED_ESTIMATE),
-        calm=verifiers.get(CALM),
-        observer_states=[],
-        losses=losses,
     )
+    compared = _compared(sources, setting)
+    verifiers = {name: Verifier(topic) for topic, (name, _) in compared.items()}
     unrelated = clocks_unrelated(sources.facts)
-    blocks = InputBlocks(reader, sources, how)
-    one = OneEstimator(estimator) if sources.estimate in mixed else None
     with Series(4) as series:
-        stream = ReplayStream(
-            str(path), nodes, setting, series, verifiers=verifiers, unrelated=unrelated
-        )
-        lacking: set[str] = set()
-        for chunk in feed(reader, sources, heard, blocks, lacking):
+        stream = ReplayStream(str(path), setting, series, verifiers=verifiers, unrelated=unrelated)
+        for chunk in feed(reader, sources, compared, blocks):
             for batch in chunk:
-                _hand_over(batch, sources, heard, stream, one)
+                _hand_over(batch, sources, compared, stream)
             stream.advance()
         blocks.check()
         stream.advance(final=True)
-        result = conclude(path.name, sources.input, stream, _origin(started, recorded, used))
+        origin = _origin(started, recorded, used, journaled=sources.journal is not None)
+        result = conclude(path.name, sources.input, stream, origin, blocks.left_out)
+    verified = {**_unchecked(reader, sources), **result.verified}
     said = [
         *_attitude_warnings(path, sources, used, how),
         *input_reader.ignored_tilt(plain, used),
         blocks.trouble(),
         *(() if TABLE_COLUMNS in sources.facts else blocks.doubts()),
-        *sorted(lacking),
     ]
-    if several > 1:
-        said.append(
-            f"of {several} estimators on {sources.estimate} the replayed one is {estimator}"
-        )
     told = [f"{path}: {line}" for line in said if line]
-    return replace(result, warnings=(*_warnings(path, reader, sources), *told, *result.warnings))
+    told = [*_warnings(path, reader, sources), *told]
+    return replace(result, verified=verified, warnings=(*told, *result.warnings))
+
+
+def _unchecked(reader: BagReader, sources: Sources) -> dict[str, Verification]:
+    """Counts recorded messages that only the nodes' own code gives, by the journal."""
+    why = ORDER_UNKNOWN if sources.journal is None else BY_JOURNAL
+    found = {}
+    for name in (COMPARISON, FUSED_ESTIMATE, CALM):
+        row = next(row for row in TOPICS if row.name == name)
+        topic = sources.topics.topic(name, row.type)
+        count = (reader.topics()[topic].count or 0) if topic is not None else 0
+        if topic is not None and count and sources.estimate is not None:
+            tally = Tally(topic)
+            tally.leave_out(count, why)
+            found[name] = tally.result()
+    return found
+
+
+def _taken(
+    reader: BagReader, sources: Sources, given: InputSettings | WantedInput | None
+) -> TakenInputs | None:
+    """Returns what the recorded estimator took of its input; None: another input is replayed."""
+    if sources.journal is None or sources.estimate is None or given is not None:
+        return None
+    return TakenInputs(reader, sources.journal)
 
 
 def _is_as_recorded(started: NodeStart | None, sources: Sources, model: Model | None) -> bool:
@@ -206,17 +202,6 @@ def _felt(path: Path, sources: Sources, how: InputSettings, model: Model) -> Mod
     return how.felt(sources.kind, model)
 
 
-def _known_state(verifiers: Mapping[str, Verifier], losses: list[int]) -> KnownState:
-    """Creates the object that tracks for which inputs the liquid's state is known."""
-    estimate, comparison = (verifiers.get(name) for name in (ESTIMATE, COMPARISON))
-    of_trays = [
-        verifier
-        for name, verifier in verifiers.items()
-        if name == TRAY_ESTIMATE or name.startswith(f"{COMPARISON}_")
-    ]
-    return KnownState(estimate, losses, of_trays, comparison)
-
-
 def _attitude_warnings(
     path: Path, sources: Sources, model: Model, how: InputSettings
 ) -> list[str]:
@@ -228,48 +213,42 @@ def _attitude_warnings(
     return said
 
 
-def _unmixed(sources: Sources) -> Sources:
-    """Drops recorded results in which the messages of several nodes cannot be separated."""
-    mixed = mixed_topics(sources.facts)
-    if sources.estimate in mixed:
-        return sources._replace(state=None, comparison=None)
-    if mixed & {sources.comparison, sources.surface}:
-        return sources._replace(comparison=None)
-    return sources
-
-
 def _heard_starts(reader: BagReader, sources: Sources) -> tuple[NodeStart, ...]:
-    """Returns the starts of those estimator processes that published estimates."""
-    processes = [s for s in sources.starts if s.node == "estimator" and not s.stamp_ns]
-    if len(processes) < 2 or sources.estimate is None:
+    """Returns the starts, of those of the estimator only what estimates were published after."""
+    starts = [s for s in sources.starts if s.node == "estimator" and s.is_process]
+    if len(starts) < 2 or sources.estimate is None:
         return sources.starts
     recorded = [block.log_ns for block in reader.blocks([sources.estimate])]
     published = np.sort(np.concatenate([np.empty(0, np.int64), *recorded]))
     return settings.heard(sources.starts, "estimator", published)
 
 
-def _estimators(reader: BagReader, sources: Sources) -> tuple[Sources, int]:
-    """Returns the topics to replay, and how many estimators published on the estimate topic.
+def begins_late(reader: BagReader, sources: Sources, inputs: Sequence[str]) -> bool:
+    """Returns whether the estimator had used more inputs before its first recorded estimate.
 
-    Other recorders note nothing; there the estimates themselves tell.
+    Then the state of the liquid at the recording's beginning is unknown.
+
+    Args:
+        reader: of the bag.
+        sources: its topics.
+        inputs: topics of the input.
     """
     if sources.estimate is None:
-        return sources, 1
-    noted = sources.estimate in mixed_topics(sources.facts)
-    processes = sum(start.node == "estimator" and start.is_process for start in sources.starts)
-    if not noted and processes < 2:
-        return sources, 1
-    known = OneEstimator()
-    for block in reader.blocks([sources.estimate]):
-        columns = reader.columns(block, (*STAMP, "samples_used"))
-        known.mask(stamps_of(columns), columns["samples_used"].astype(np.int64))
-    if noted:
-        return sources, known.count
-    # Processes that take the place of others take one turn each.
-    if known.turns < TURNS * processes:
-        return sources, 1
-    told = ",".join((sources.input, sources.estimate))
-    return sources._replace(facts={**sources.facts, SEVERAL: told}), known.count
+        return False
+    # An estimate from a window is stamped before the last input that it is made of.
+    by_log = sources.kind in WINDOWED or len(inputs) > 1
+    came: list[int] = []
+    used, until_ns, end_ns = 0, 2**62, 2**62
+    for block in reader.blocks([*inputs, sources.estimate]):
+        if block.log_ns[0] > end_ns:
+            break
+        if block.topic in inputs:
+            came += (block.log_ns if by_log else stamps_of(reader.columns(block, STAMP))).tolist()
+        elif not used:
+            first = reader.columns(block.take(slice(1)), (*STAMP, "samples_used"))
+            used, end_ns = int(first["samples_used"][0]), int(block.log_ns[0]) + SECOND
+            until_ns = int(block.log_ns[0]) + HEARD_NS if by_log else int(stamps_of(first)[0])
+    return used > sum(one <= until_ns for one in came)
 
 
 def _is_turning_table(sources: Sources, model: Model) -> bool:
@@ -333,143 +312,75 @@ class TopicBatch(NamedTuple):
     topic: str
     columns: Mapping[str, NDArray[Any]]
     log_ns: int
-    states: tuple[Any, ...] = ()
+    states: tuple[RecordedState, ...] = ()
+
+
+Compared = Mapping[str, tuple[str, tuple[str, ...]]]
+"""Recorded estimates by their topic: its last name, and the fields that are compared."""
+
+
+def _compared(sources: Sources, setting: Setting) -> Compared:
+    found: dict[str, tuple[str, tuple[str, ...]]] = {}
+    if sources.estimate is not None:
+        fields = estimate_fields(len(setting.model.mode_constants()))
+        found[sources.estimate] = (ESTIMATE, (*STAMP, *fields))
+    tray = sources.topics.topic(TRAY_ESTIMATE, TRAY)
+    if setting.tray is not None and tray is not None:
+        found[tray] = (TRAY_ESTIMATE, (*STAMP, *tray_fields(len(setting.tray.containers))))
+    if sources.journal is None and sources.comparison is not None and setting.limits.camera:
+        found[sources.comparison] = (COMPARISON, (*STAMP, *COMPARED, STALE))
+    return found
 
 
 def feed(
-    reader: BagReader,
-    sources: Sources,
-    heard: Mapping[str, NodeTopic],
-    inputs_of: InputBlocks,
-    lacking: set[str],
+    reader: BagReader, sources: Sources, compared: Compared, inputs_of: InputBlocks
 ) -> Iterator[list[TopicBatch]]:
     """Yields the messages for a replay, chunk by chunk in recorded order.
 
     Args:
         reader: of the bag.
         sources: what to read.
-        heard: further topics that nodes read or give, by their full names.
+        compared: recorded estimates.
         inputs_of: reads the input.
-        lacking: is told, one line each, which fields an older version did not record.
     """
-    wanted = {full: (*STAMP, *topic.fields) for full, topic in heard.items()}
+    wanted = {topic: names for topic, (_, names) in compared.items()}
     if sources.surface is not None:
-        others = wanted.get(sources.surface, ())
-        wanted[sources.surface] = tuple(dict.fromkeys((*WAVE_FIELDS, *others)))
-    read = ColumnReader(reader.typestore_of)
-    stateful = {
-        topic: read_states
-        for topic, read_states in (
-            (sources.state, states_of), (sources.observer_state, observer_states_of)
-        )
-        if topic is not None
-    }  # fmt: skip
-    topics = [*inputs_of.topics, *wanted, *stateful]
+        wanted[sources.surface] = WAVE_FIELDS
+    topics = [*inputs_of.topics, *wanted, *filter(None, [sources.state])]
     for blocks in by_chunk(reader.blocks(topics)):
         own = [block for block in blocks if block.topic in inputs_of.topics]
-        batches = [
-            TopicBatch(
-                block.topic, {}, int(block.log_ns[-1]), stateful[block.topic](reader, block)
-            )
-            if block.topic in stateful
-            else TopicBatch(
-                block.topic,
-                _columns(read, block, wanted[block.topic], heard.get(block.topic), lacking),
-                int(block.log_ns[-1]),
-            )
-            for block in blocks
-            if block.topic not in inputs_of.topics
-        ]
+        batches = []
+        for block in blocks:
+            last_ns = int(block.log_ns[-1])
+            if block.topic == sources.state:
+                batches.append(TopicBatch(block.topic, {}, last_ns, states_of(reader, block)))
+            elif block.topic in wanted:
+                columns = reader.columns(block, wanted[block.topic])
+                batches.append(TopicBatch(block.topic, columns, last_ns))
         if own:
             last_ns = max(int(block.log_ns[-1]) for block in own)
             batches.insert(0, TopicBatch(sources.input, inputs_of.columns(own), last_ns))
         yield batches
 
 
-def _columns(
-    read: ColumnReader,
-    block: MessageBlock,
-    names: Sequence[str],
-    topic: NodeTopic | None,
-    lacking: set[str],
-) -> Columns:
-    """Returns the columns of a block; fields that an older version lacked have a default value."""
-    later = {} if topic is None else topic.later
-    try:
-        return read.columns(block, names)
-    except SloshBagError:
-        if not later:
-            raise
-    found = dict(read.columns(block, [name for name in names if name not in later]))
-    for name, value in later.items():
-        found[name] = np.full(len(block), value)
-        whole = name.partition("[")[0]
-        lacking.add(
-            f"{block.topic}: messages of an older version, without {whole}, taken as {value}"
-        )
-    return found
-
-
-def _running(sources: Sources, nodes: Sequence[ReplayedNode]) -> tuple[ReplayedNode, ...]:
-    """Returns the nodes whose required recorded messages are present."""
-    found = sources.topics.topic
-    return tuple(
-        node
-        for node in nodes
-        if not node.needs_recorded or found(node.outputs[0].name, node.outputs[0].message_type)
-    )
-
-
-def _heard(sources: Sources, nodes: Sequence[ReplayedNode]) -> dict[str, NodeTopic]:
-    """Returns the recorded topics that nodes publish or read, by full name."""
-    given = {topic.name for node in nodes for topic in node.outputs}
-    own = {ESTIMATE: sources.estimate, COMPARISON: sources.comparison}
-    heard = {}
-    for node in nodes:
-        for topic in (*node.outputs, *(one for one in node.inputs if one.name not in given)):
-            found = sources.topics.topic(topic.name, topic.message_type)
-            full = own.get(topic.name, found)
-            if full is not None:
-                heard[full] = topic
-    return heard
-
-
-def _verifiers(
-    heard: Mapping[str, NodeTopic], nodes: Sequence[ReplayedNode], *, camera: bool
-) -> dict[str, Verifier]:
-    """Creates the objects that compare replayed with recorded messages, one for each topic."""
-    return {
-        topic.name: Verifier(full, topic.can_lack, node.tolerance)
-        for full, topic in heard.items()
-        for node in nodes
-        # Without a camera comparisons follow the monitor's own clock.
-        if topic in node.outputs and (camera or topic.name != COMPARISON)
-    }
-
-
 def _hand_over(
-    batch: TopicBatch,
-    sources: Sources,
-    heard: Mapping[str, NodeTopic],
-    stream: ReplayStream,
-    estimator: OneEstimator | None,
+    batch: TopicBatch, sources: Sources, compared: Compared, stream: ReplayStream
 ) -> None:
-    columns = batch.columns
     if batch.topic == sources.input:
-        stream.add_input(columns, batch.log_ns)
+        stream.add_input(batch.columns, batch.log_ns)
     elif batch.topic == sources.surface:
-        stream.add_measurements(measurements(columns), batch.log_ns)
-        if batch.topic in heard:
-            stream.add_recorded(heard[batch.topic], columns)
+        stream.add_measurements(measurements(batch.columns), batch.log_ns)
     elif batch.topic == sources.state:
         stream.add_states(batch.states)
-    elif batch.topic == sources.observer_state:
-        stream.setting.observer_states.extend(batch.states)
     else:
-        if batch.topic == sources.estimate and estimator is not None:
-            own = estimator.mask(stamps_of(columns), columns["samples_used"].astype(np.int64))
-            columns = {name: column[own] for name, column in columns.items()}
-        stream.add_recorded(heard[batch.topic], columns)
+        columns = batch.columns
+        name, _ = compared[batch.topic]
+        if name == ESTIMATE:  # what depends on other publishers is not in a recording
+            columns = {**columns, "flags": columns["flags"] & ~_UNRECORDED}
+        elif name == COMPARISON:  # without an image it follows the monitor's own clock
+            has_image = ~columns[STALE].astype(bool)
+            columns = {key: column[has_image] for key, column in columns.items()}
+        stream.add_recorded(name, columns)
 
 
 def _changes(sources: Sources, model: Model, *, follow: bool) -> tuple[NodeStart, ...]:
@@ -481,10 +392,12 @@ def _changes(sources: Sources, model: Model, *, follow: bool) -> tuple[NodeStart
     return tuple(start._replace(files=files) for start in later)
 
 
-def _origin(started: NodeStart | None, recorded: Model | None, used: Model) -> Origin:
+def _origin(
+    started: NodeStart | None, recorded: Model | None, used: Model, *, journaled: bool
+) -> Origin:
     """Returns the known reasons why the replay may differ from the recording."""
     if started is None or recorded is None:
-        return Origin()
+        return Origin(() if journaled else (ORDER_UNKNOWN,))
     causes = settings.model_differences(recorded, used)
     code = sources_digest(*SOURCES)
     if started.code != code:
@@ -496,6 +409,7 @@ def _origin(started: NodeStart | None, recorded: Model | None, used: Model) -> O
             f"this machine rounds differently: recorded on {started.arithmetic}, replayed on "
             f"{arithmetic}; last bits may differ"
         )
+    causes.append(IN_LOG_ORDER if journaled else ORDER_UNKNOWN)
     return Origin(tuple(causes), otherwise)
 
 

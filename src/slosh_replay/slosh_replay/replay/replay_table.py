@@ -22,10 +22,9 @@ from slosh_model.pose import pose_rows
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.recording.inputs import InputReader
 from slosh_replay.replay.conclusion import conclude
-from slosh_replay.replay.node_table import node_table
-from slosh_replay.replay.nodes import Outputs, Setting
 from slosh_replay.replay.result import ReplayResult
 from slosh_replay.replay.series import Series
+from slosh_replay.replay.setting import Outputs, Setting
 from slosh_replay.replay.stream import ReplayStream
 from slosh_tables.motion_table import MotionTable
 
@@ -100,7 +99,7 @@ def replay_table(
     limits = (monitor or MonitorSettings()).under_rim(model)
     setting = Setting(model, TableReader(table), limits, outputs=outputs or Outputs())
     with Series(4) as series:
-        stream = ReplayStream(name, node_table(), setting, series)
+        stream = ReplayStream(name, setting, series)
         for start in range(0, len(stamps), _BLOCK):
             rows = slice(start, start + _BLOCK)
             newest = int(stamps[rows][-1])

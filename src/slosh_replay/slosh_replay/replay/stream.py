@@ -8,7 +8,7 @@ need to become a height. So a replay holds seconds of a recording in memory, how
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,27 +16,24 @@ from numpy.typing import NDArray
 from slosh_bag.errors import SloshBagError
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Integers
-from slosh_metrics.input_checks.constancy import BIN_NS
 from slosh_metrics.motion_spans import MotionFinder
-from slosh_msgs_py.topics import ESTIMATE
+from slosh_msgs_py.topics import COMPARISON, ESTIMATE, TRAY_ESTIMATE
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.recording.inputs import stamps_of
 from slosh_replay.recording.states import RecordedState
 from slosh_replay.replay.model_set import ModelHeights, at_images
 from slosh_replay.replay.monitor_feed import ReplayedMonitor
-from slosh_replay.replay.nodes import (
-    NO_MEASUREMENTS,
-    Core,
-    Moment,
-    NodeTopic,
-    ReplayedNode,
-    Setting,
-    recorded_name,
-)
 from slosh_replay.replay.replayed_estimator import ReplayedEstimator
 from slosh_replay.replay.series import Series, chosen, joined
+from slosh_replay.replay.setting import NO_MEASUREMENTS, Setting
 from slosh_replay.replay.unrelated import Alignment, align
-from slosh_replay.replay.verification import Columns, Messages, Verifier, joined_messages, split
+from slosh_replay.replay.verification import (
+    Columns,
+    Messages,
+    Verifier,
+    comparison_columns,
+    joined_messages,
+)
 from slosh_replay.strays import StrayFilter
 
 BEHIND_NS = 2_000_000_000
@@ -57,23 +54,20 @@ AT_LAST = "behind the last recorded input"
 MAXIMUM = 2**31 * SECOND - 1
 """The last moment that a stamp can tell [ns]."""
 
-T = TypeVar("T")
-
 
 class ReplayStream:
     """A running replay, which merges the streams of a recording by stamp.
 
     Args:
         name: of the recording, for errors.
-        nodes: the table of the nodes that run, each below those whose topics it reads.
-        setting: what their cores are made of.
+        setting: what estimator and monitor are made of.
         series: receives the images.
-        verifiers: of recorded messages, by the last name of their topic.
+        verifiers: of recorded estimates, by the last name of their topic.
         unrelated: whether the measured heights have a clock of their own: then they are laid over
             the estimates when all is there.
 
     Attributes:
-        estimator, monitor: these nodes' cores.
+        estimator, monitor: the cores.
         alignment: of unrelated clocks; None: not yet, or the clocks are one.
         motions: those of the container so far.
         images: measurements so far.
@@ -82,7 +76,6 @@ class ReplayStream:
     def __init__(
         self,
         name: str,
-        nodes: Sequence[ReplayedNode],
         setting: Setting,
         series: Series,
         *,
@@ -92,20 +85,9 @@ class ReplayStream:
         self.setting, self.series = setting, series
         self.verifiers = verifiers or {}
         self.unrelated = unrelated
-        cores = [node.core(setting) for node in nodes]
-        self.estimator = _the(ReplayedEstimator, cores)
-        self.monitor = _the(ReplayedMonitor, cores)
-        self._others = [core for core in cores if core is not self.estimator]
-        self._given = {topic.name for node in nodes for topic in node.outputs}
-        self._waiting: dict[str, list[Messages]] = {
-            topic.name: []
-            for node, core in zip(nodes, cores, strict=True)
-            # These two take the columns of the estimates and heights, not messages.
-            if core not in (self.estimator, self.monitor)
-            for topic in node.inputs
-        }
-        own = [topic for node in nodes if node.needs_recorded for topic in node.outputs]
-        self._waiting |= {recorded_name(topic.name): [] for topic in own}
+        compared = (self.verifiers.get(name) for name in (ESTIMATE, TRAY_ESTIMATE))
+        self.estimator = ReplayedEstimator(setting, *compared)
+        self.monitor = ReplayedMonitor(setting)
         self._inputs: list[Messages] = []
         self.alignment: Alignment | None = None
         self.motions = MotionFinder()
@@ -140,27 +122,16 @@ class ReplayStream:
             return
         self._set_backs += int((np.diff(stamps, prepend=self._last_input) < 0).sum())
         self._last_input = stamps[-1:]
-        messages = Messages(stamps, columns)
-        self._inputs.append(messages)
-        self._keep_for_nodes(self.setting.reader.kind, messages)
+        self._inputs.append(Messages(stamps, columns))
         self._note("input", stamps, log_ns)
 
-    def add_recorded(self, topic: NodeTopic, columns: Columns) -> None:
-        """Adds recorded messages of a topic that a node reads or publishes."""
-        recorded = Messages(stamps_of(columns), columns)
-        if topic.name == ESTIMATE and self.setting.matcher is not None:
-            used = columns["samples_used"].astype(np.int64)
-            self.setting.matcher.add_recorded(recorded.stamps, used)
-        if topic.name in self.verifiers:
-            found = recorded if topic.known is None else topic.known(recorded)
-            self.verifiers[topic.name].add_recorded(*found)
-        name = topic.name if topic.name not in self._given else recorded_name(topic.name)
-        self._keep_for_nodes(name, recorded)
+    def add_recorded(self, name: str, columns: Columns) -> None:
+        """Adds recorded estimates of a topic, by its last name."""
+        self.verifiers[name].add_recorded(stamps_of(columns), columns)
 
     def add_states(self, states: Sequence[RecordedState]) -> None:
         """Adds recorded EstimatorState messages."""
-        if self.setting.known is not None:
-            self.setting.known.add(states)
+        self.estimator.add_states(states)
 
     def add_measurements(self, measured: Measurements, log_ns: int) -> None:
         """Adds measured heights, the last of which was recorded at `log_ns`."""
@@ -185,7 +156,7 @@ class ReplayStream:
         """
         if final:
             self._take_in(*self._filter.rest(), self._newest["input"].log_ns)
-        self._estimate(final)
+        self._estimate()
         if final:
             self.motions.finish()
         until = 2**62 if final else self._settled()
@@ -195,32 +166,16 @@ class ReplayStream:
             for verifier in self.verifiers.values():
                 verifier.lose(last_ns, AT_LAST)
                 verifier.find(last_ns + BEHIND_LAST_NS)
-        for name, verifier in self.verifiers.items():
-            # A comparison waits for its image, and that for the estimate behind it.
-            verifier.compare(until - BEHIND_NS * (name != ESTIMATE), final=final)
-        if self.setting.matcher is not None and self.estimator.waiting_ns is None:
-            self.setting.matcher.forget(until)
+        for verifier in self.verifiers.values():
+            verifier.compare(until, final=final)
 
-    def _estimate(self, final: bool) -> None:
-        """Computes estimates from the inputs that the live estimator is known to have used."""
-        taken, self._inputs = joined_messages(self._inputs), []
-        moment = Moment({self.setting.reader.kind: taken}, final=final)
-        for name, given in self.estimator.update(moment).items():
-            self._verify(name, given)
-            self._keep_for_nodes(name, given)
-        for heights in self.estimator.take_heights():
+    def _estimate(self) -> None:
+        """Computes estimates from the inputs that have come."""
+        inputs, self._inputs = joined_messages(self._inputs), []
+        for heights in self.estimator.update(inputs):
             self._keep(heights)
             if heights.accelerations is not None:
                 self.motions.add(heights.stamps, heights.accelerations)
-
-    def _verify(self, name: str, given: Messages) -> None:
-        if name in self.verifiers:
-            self.verifiers[name].add_replayed(*given)
-
-    def _keep_for_nodes(self, name: str, messages: Messages) -> None:
-        """Stores messages for the nodes that read them, until the replay reaches their stamps."""
-        if name in self._waiting and len(messages.stamps):
-            self._waiting[name].append(messages)
 
     def _note(self, side: str, stamps: Integers, log_ns: int) -> None:
         known = self._newest[side]
@@ -234,11 +189,7 @@ class ReplayStream:
         # A strange stamp of an image moves nothing on, as long as inputs come.
         if other.log_ns - newest.log_ns > BEHIND_NS:
             newest = other
-        until = newest.stamp - BEHIND_NS
-        if self.estimator.waiting_ns is not None:
-            # The motions are known up to the bin before.
-            until = min(until, self.estimator.waiting_ns - 1 - BIN_NS)
-        return until
+        return newest.stamp - BEHIND_NS
 
     def _keep(self, new: ModelHeights) -> None:
         old = self._heights
@@ -276,15 +227,10 @@ class ReplayStream:
         if estimates is not None:
             released = (estimates.stamps > self._released) & (estimates.stamps <= until)
             due = chosen(estimates, released)
-        messages = {}
-        for name, batches in self._waiting.items():
-            messages[name], self._waiting[name] = split(batches, until)
-        moment = Moment(messages, due, self.estimator.models.own, measured, final)
-        for core in self._others:
-            given = core.update(moment)
-            for name, found in given.items():
-                self._verify(name, found)
-            moment = moment._replace(messages={**moment.messages, **given})
+        self.monitor.carry(self.estimator.tray_changes)
+        comparisons = self.monitor.update(due, self.estimator.models.own, measured, final=final)
+        if COMPARISON in self.verifiers and comparisons:
+            self.verifiers[COMPARISON].add_replayed(*comparison_columns(comparisons))
         if due is None or estimates is None:
             return
         if len(due.stamps):
@@ -340,10 +286,6 @@ class ReplayStream:
             rows["usable"] = found.usable
         rows["motion"] = self.motions.number_at(measured.stamps)
         series.append(rows)
-
-
-def _the(kind: type[T], cores: Sequence[Core]) -> T:
-    return next(core for core in cores if isinstance(core, kind))
 
 
 class _Newest(NamedTuple):

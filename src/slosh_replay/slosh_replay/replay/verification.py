@@ -19,14 +19,14 @@ from slosh_estimator.tray_estimator import TrayEstimates
 
 Columns = Mapping[str, NDArray[Any]]
 
+ORDER_UNKNOWN = "recorded before journals: order unknown"
+"""Why messages may differ where no journal tells in which order a node took its inputs."""
+COMPARED = ("measured", "estimated_linear", "estimated_nonlinear")
+"""Heights of a comparison; MAE and ε depend on when the live monitor had started."""
+STALE = "measured_stale"
 _HEIGHTS = ("msh", "azimuth", "sh_x", "sh_y")
 _MODAL = ("modal_position", "modal_position", "modal_velocity", "modal_velocity")
 _HIGHER_MODE = re.compile(r"modal_\w+\[([2-9]|\d\d)")
-COMPARED = ("measured", "estimated_linear", "estimated_nonlinear")
-"""Heights of a comparison; MAE and ε depend on when the live monitor had started."""
-ESTIMATED = COMPARED[1:]
-"""Of these, what a live monitor lacks where the estimate or the image came too late."""
-TOO_LATE = "the live monitor had no estimate for them in time"
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,8 @@ class Verification:
         recorded: recorded messages that were compared.
         identical: those whose every number is the same bits.
         missing: recorded messages for which the replay has none.
-        extra: replayed messages that were not recorded.
+        extra: replayed messages between the first and the last recorded one that were not
+            recorded.
         first: the first difference; None: there is none.
         largest: largest absolute difference by field, of the fields that differ.
         counts: messages by field, of the fields that differ.
@@ -74,9 +75,6 @@ class Verification:
         causes: what is known to differ: model, code, arithmetic.
         rounds_otherwise: this machine's elementary functions round otherwise than those of the
             recording one.
-        miscounted: how often `samples_used` went on by another number than that of the inputs in
-            the recording.
-        tolerance: of the node; see Node.
     """
 
     topic: str
@@ -90,25 +88,33 @@ class Verification:
     unchecked: Mapping[str, int] = field(default_factory=dict)
     causes: tuple[str, ...] = ()
     rounds_otherwise: bool = False
-    miscounted: int = 0
-    tolerance: float | None = 0.0
+
+    @property
+    def total(self) -> int:
+        """Number of recorded messages that were looked for in the replay."""
+        return self.recorded + self.missing
 
     @property
     def exact(self) -> bool:
         """Whether every compared message was reproduced exactly."""
-        same = self.recorded > 0 and self.identical == self.recorded and not self.missing
-        return same and not self.miscounted
+        return self.recorded > 0 and self.identical == self.recorded and not self.missing
 
     def within(self, tolerance: float) -> bool:
         """Returns whether every message was reproduced within a tolerance [SI units]."""
         return not self.missing and all(value <= tolerance for value in self.largest.values())
 
+    @property
+    def unchecked_lines(self) -> tuple[str, ...]:
+        """Says how many messages were not compared, and why."""
+        return tuple(
+            f"{self.topic}: {count} not checked: {why}" for why, count in self.unchecked.items()
+        )
+
     def lines(self) -> tuple[str, ...]:
         """Returns the result of the comparison as lines of text."""
-        total = self.recorded + self.missing
-        unchecked = [
-            f"{self.topic}: {count} not checked: {why}" for why, count in self.unchecked.items()
-        ]
+        total, unchecked = self.total, self.unchecked_lines
+        if not total:
+            return unchecked
         if self.exact:
             return (f"{self.topic}: {self.identical} of {total} messages bit for bit", *unchecked)
         lines = [
@@ -116,11 +122,6 @@ class Verification:
             f"{self.recorded - self.identical} differ, {self.missing} missing",
             *unchecked,
         ]
-        if self.miscounted:
-            lines.append(
-                f"{self.topic}: samples_used increases {self.miscounted} times by another number "
-                "than that of the recorded inputs: inputs are missing, or the bag was edited"
-            )
         if self.missing:
             lines.append(f"{self.topic}: for the missing ones the recording has no usable input")
         if self.first is not None:
@@ -131,30 +132,93 @@ class Verification:
         return (*lines, *(f"{self.topic}: {cause}" for cause in self.causes))
 
 
-class Verifier:
-    """Compares recorded with replayed messages of equal stamps, as they arrive.
+class Tally:
+    """Counts how recorded and replayed messages of one topic compare.
 
     Args:
         topic: of the recorded messages.
-        can_lack: fields that are NaN in a recorded message where the live node lacked them. A
-            replay has no deadlines: where it knows them, the message is not compared.
-        tolerance: of the node; see Node.
     """
 
-    def __init__(
-        self, topic: str, can_lack: Sequence[str] = (), tolerance: float | None = 0.0
-    ) -> None:
-        self._topic = topic
-        self._tolerance = tolerance
-        self._can_lack = tuple(can_lack)
-        self._recorded: list[Messages] = []
-        self._replayed: list[Messages] = []
+    def __init__(self, topic: str) -> None:
+        self.topic = topic
         self._counts = {"recorded": 0, "identical": 0, "missing": 0, "extra": 0}
         self._first: Difference | None = None
         self._largest: dict[str, float] = {}
         self._differing: dict[str, int] = {}
         self._unchecked: dict[str, int] = {}
+
+    def count(self, **more: int) -> None:
+        """Adds to the counts of `Verification` by their names."""
+        for name, number in more.items():
+            self._counts[name] += number
+
+    def leave_out(self, count: int, why: str) -> None:
+        """Counts recorded messages that are not compared."""
+        if count:
+            self._unchecked[why] = self._unchecked.get(why, 0) + count
+
+    def pairs(self, recorded: Messages, replayed: Messages) -> None:
+        """Compares N recorded messages with the N replayed ones, field by field."""
+        self._counts["recorded"] += len(recorded.stamps)
+        same = np.ones(len(recorded.stamps), dtype=bool)
+        first: tuple[int, str, float, float] | None = None
+        for name, column in replayed.columns.items():
+            known = _column(self.topic, recorded.columns, name)
+            differing = ~same_bits(known, column)
+            if _HIGHER_MODE.search(name):
+                # A model with fewer modes was recorded: there is nothing to compare with.
+                differing &= ~np.isnan(known)
+            differs = np.flatnonzero(differing)
+            if not len(differs):
+                continue
+            same[differs] = False
+            self._note_largest(name, known[differs], column[differs])
+            row = int(differs[0])
+            if first is None or row < first[0]:
+                first = (row, name, _number(known[row]), _number(column[row]))
+        self._counts["identical"] += int(np.count_nonzero(same))
+        if self._first is None and first is not None:
+            self._first = Difference(int(recorded.stamps[first[0]]), *first[1:])
+
+    def _note_largest(self, name: str, known: NDArray[Any], column: NDArray[Any]) -> None:
+        self._differing[name] = self._differing.get(name, 0) + len(known)
+        largest = math.inf
+        if np.issubdtype(known.dtype, np.number) and np.issubdtype(column.dtype, np.number):
+            with np.errstate(invalid="ignore"):
+                gap = np.abs(column.astype(float) - known.astype(float))
+            largest = float(np.max(np.where(np.isnan(gap), math.inf, gap)))
+        self._largest[name] = max(self._largest.get(name, 0.0), largest)
+
+    def result(self, causes: Sequence[str] = (), rounds_otherwise: bool = False) -> Verification:
+        """Returns the result of comparing recorded and replayed messages so far.
+
+        Args:
+            causes, rounds_otherwise: see Verification.
+        """
+        return Verification(
+            self.topic, first=self._first, largest=dict(self._largest),
+            counts=dict(self._differing), unchecked=dict(self._unchecked), causes=tuple(causes),
+            rounds_otherwise=rounds_otherwise, **self._counts,
+        )  # fmt: skip
+
+
+class Verifier:
+    """Compares recorded with replayed messages of equal stamps, as they arrive.
+
+    Args:
+        topic: of the recorded messages.
+
+    Attributes:
+        tally: counts how they compare.
+    """
+
+    def __init__(self, topic: str) -> None:
+        self.tally = Tally(topic)
+        self._recorded: list[Messages] = []
+        self._replayed: list[Messages] = []
         self._unknown: list[_Unknown] = []
+        self._unmatched = np.empty(0, dtype=np.int64)  # behind the last recorded one
+        self._first_ns: int | None = None  # of the first recorded one
 
     def add_recorded(self, stamps: Integers, columns: Columns) -> None:
         """Adds recorded messages: stamps (N,) [ns], and fields (N,) by dotted name."""
@@ -175,13 +239,6 @@ class Verifier:
         if self._unknown:
             self._unknown[-1] = self._unknown[-1]._replace(until_ns=until_ns)
 
-    def find_later(self, from_ns: int, until_ns: int) -> None:
-        """Resumes a comparison that resumes behind `from_ns` only behind `until_ns`."""
-        self._unknown = [
-            span._replace(until_ns=until_ns) if from_ns <= span.until_ns < until_ns else span
-            for span in self._unknown
-        ]
-
     def compare(self, settled: int = -(2**62), *, final: bool = False) -> None:
         """Compares the messages that are available both recorded and replayed.
 
@@ -201,9 +258,20 @@ class Verifier:
         recorded, replayed = self._known(recorded, count=True), self._known(replayed)
         self._unknown = [span for span in self._unknown if span.until_ns > until]
         _, left, right = np.intersect1d(recorded.stamps, replayed.stamps, return_indices=True)
-        self._counts["missing"] += len(recorded.stamps) - len(left)
-        self._counts["extra"] += len(replayed.stamps) - len(right)
-        self._pairs(recorded.rows(left), replayed.rows(right))
+        self.tally.count(missing=len(recorded.stamps) - len(left))
+        self._count_extra(recorded.stamps, np.delete(replayed.stamps, right))
+        if len(left):
+            self.tally.pairs(recorded.rows(left), replayed.rows(right))
+
+    def _count_extra(self, recorded: Integers, unmatched: Integers) -> None:
+        """Counts replayed messages between the first and the last recorded one."""
+        self._unmatched = np.concatenate((self._unmatched, unmatched))
+        if len(recorded):
+            inside = self._unmatched <= recorded[-1]
+            first = recorded[0] if self._first_ns is None else self._first_ns
+            self._first_ns = int(first)
+            self.tally.count(extra=int(np.count_nonzero(self._unmatched[inside] > first)))
+            self._unmatched = self._unmatched[~inside]
 
     def result(self, causes: Sequence[str] = (), rounds_otherwise: bool = False) -> Verification:
         """Returns the result of comparing recorded and replayed messages so far.
@@ -211,11 +279,7 @@ class Verifier:
         Args:
             causes, rounds_otherwise: see Verification.
         """
-        return Verification(
-            self._topic, first=self._first, largest=dict(self._largest),
-            counts=dict(self._differing), unchecked=dict(self._unchecked), causes=tuple(causes),
-            rounds_otherwise=rounds_otherwise, tolerance=self._tolerance, **self._counts,
-        )  # fmt: skip
+        return self.tally.result(causes, rounds_otherwise)
 
     def _known(self, batch: Messages, *, count: bool = False) -> Messages:
         """Returns the messages that can be compared; optionally counts those that cannot."""
@@ -223,50 +287,9 @@ class Verifier:
             inside = (batch.stamps > span.after_ns) & (batch.stamps <= span.until_ns)
             found = int(np.count_nonzero(inside))
             if found and count:
-                self._leave_out(found, span.why)
+                self.tally.leave_out(found, span.why)
             batch = batch.rows(~inside) if found else batch
         return batch
-
-    def _leave_out(self, count: int, why: str) -> None:
-        self._unchecked[why] = self._unchecked.get(why, 0) + count
-
-    def _pairs(self, recorded: Messages, replayed: Messages) -> None:
-        """Compares messages of equal stamps, except those that the live node did not receive."""
-        lacking = np.zeros(len(recorded.stamps), dtype=bool)
-        for name in self._can_lack if len(lacking) else ():
-            known = ~np.isnan(replayed.columns[name])
-            lacking |= np.isnan(_column(self._topic, recorded.columns, name)) & known
-        if lacking.any():
-            self._leave_out(int(np.count_nonzero(lacking)), TOO_LATE)
-            recorded, replayed = recorded.rows(~lacking), replayed.rows(~lacking)
-        self._counts["recorded"] += len(recorded.stamps)
-        if len(recorded.stamps):
-            self._fields(recorded, replayed)
-
-    def _fields(self, recorded: Messages, replayed: Messages) -> None:
-        same = np.ones(len(recorded.stamps), dtype=bool)
-        first: tuple[int, str, float, float] | None = None
-        for name, column in replayed.columns.items():
-            known = _column(self._topic, recorded.columns, name)
-            differing = ~_same_bits(known, column)
-            if _HIGHER_MODE.search(name):
-                # A model with fewer modes was recorded: there is nothing to compare with.
-                differing &= ~np.isnan(known)
-            differs = np.flatnonzero(differing)
-            if not len(differs):
-                continue
-            same[differs] = False
-            with np.errstate(invalid="ignore"):
-                gap = np.abs(column[differs].astype(float) - known[differs].astype(float))
-            largest = float(np.max(np.where(np.isnan(gap), math.inf, gap)))
-            self._largest[name] = max(self._largest.get(name, 0.0), largest)
-            self._differing[name] = self._differing.get(name, 0) + len(differs)
-            row = int(differs[0])
-            if first is None or row < first[0]:
-                first = (row, name, float(known[row]), float(column[row]))
-        self._counts["identical"] += int(np.count_nonzero(same))
-        if self._first is None and first is not None:
-            self._first = Difference(int(recorded.stamps[first[0]]), *first[1:])
 
 
 class _Unknown(NamedTuple):
@@ -362,11 +385,6 @@ def comparison_columns(comparisons: Sequence[Comparison]) -> Messages:
     return Messages(stamps, columns)
 
 
-def with_an_image(comparisons: Messages) -> Messages:
-    """Removes SloshComparison messages without a measurement, which depend on the live clock."""
-    return comparisons.rows(~comparisons.columns["measured_stale"].astype(bool))
-
-
 def _column(topic: str, columns: Columns, field: str) -> NDArray[Any]:
     try:
         return columns[field]
@@ -377,13 +395,29 @@ def _column(topic: str, columns: Columns, field: str) -> NDArray[Any]:
         ) from None
 
 
-def _same_bits(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
-    if a.dtype == np.float64:
-        same: NDArray[np.bool_] = np.ascontiguousarray(a).view(np.int64) == np.ascontiguousarray(
-            b
-        ).view(np.int64)
-        return same
+def same_bits(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
+    """Returns which of N values, or rows of values, are the same bits in two columns.
+
+    What is masked in both is the same.
+    """
+    if a.shape != b.shape:
+        return np.zeros(len(a), dtype=bool)
+    same = _same_elements(np.ma.getdata(a), np.ma.getdata(b))
+    if np.ma.isMaskedArray(a) or np.ma.isMaskedArray(b):
+        hidden, other = np.ma.getmaskarray(a), np.ma.getmaskarray(b)
+        same = np.asarray((hidden & other) | (same & (hidden == other)))
+    return same if same.ndim == 1 else np.asarray(same.reshape(len(a), -1).all(axis=1))
+
+
+def _same_elements(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
+    if a.dtype.kind == "f" and a.dtype == b.dtype:
+        a, b = (np.ascontiguousarray(one).view(f"i{one.itemsize}") for one in (a, b))
     return np.asarray(a == b)
+
+
+def _number(value: Any) -> float:
+    """Returns a value as a number; NaN for text and for rows of values."""
+    return float(value) if np.ndim(value) == 0 and not isinstance(value, str) else math.nan
 
 
 def _ordinal(value: float) -> int:
