@@ -17,13 +17,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from slosh_bringup.live.cell_setup import NODES_OF_A_CELL, default_setup
+from slosh_bringup.live.cell_setup import default_setup
 from slosh_bringup.processes import NodeGroup, NodeProcess, config_folder, node_environment
 from slosh_msgs_py.node.domain import own_domain
 
 BAGS = Path(__file__).resolve().parents[1] / "bags"
-# What a replay needs and gives, and the truth; no images, no other sensors.
-EXCLUDED = r"^/(rosout|parameter_events|diagnostics)$|/_|/camera/|/imu$|/pose$|/summary$"
+# What a replay needs and gives, and the truth; no images.
+EXCLUDED = r"^/(rosout|parameter_events|diagnostics)$|/_|/camera/|/imu$|/summary$"
 POLL = 0.02
 
 
@@ -78,6 +78,7 @@ def record(name: str, recording: Recording, folder: Path) -> None:
     """Records one bag; replaces an existing one."""
     shutil.rmtree(folder / name, ignore_errors=True)
     setup = default_setup()
+    processes = setup.processes(folder / name)
     cell = NodeProcess(
         "cell",
         [setup.parameters],
@@ -86,7 +87,7 @@ def record(name: str, recording: Recording, folder: Path) -> None:
             "rate": "500.0",
             "model": str(config_folder() / "truth.yaml"),
             "calibration": str(setup.calibration),
-            "wait_for": ",".join(NODES_OF_A_CELL),
+            "wait_for": ",".join(process.name for process in processes),
             "readers": "1",  # images are not recorded
         },
     )
@@ -96,7 +97,7 @@ def record(name: str, recording: Recording, folder: Path) -> None:
         own_domain() as domain,
         NodeGroup(setup.namespace, Path(logs), node_environment(domain)) as nodes,
     ):
-        for process in (*setup.processes(folder / name), cell):
+        for process in (*processes, cell):
             own = {**process.parameters, **given.get(process.name, {})}
             nodes.start(replace(process, parameters=own))
         if recording.during is not None:
@@ -105,6 +106,7 @@ def record(name: str, recording: Recording, folder: Path) -> None:
             if recording.finished:
                 nodes.check()
             time.sleep(POLL)
+    (folder / name / ".reserve").unlink(missing_ok=True)  # of a recorder that was killed
 
 
 def main() -> int:
