@@ -195,20 +195,20 @@ class InputBlocks:
         for stamped, logged in self._clocks.values():
             stamps, logs = (np.frombuffer(each, np.int64) for each in (stamped, logged))
             found |= {str(doubt): doubt for doubt in stamp_doubts(stamps, logs, noun)}
-        if isinstance(self._poses, JointPoses | TransformPoses):
-            clocks = self._poses.clock_doubt()
-            found |= {clocks.text: InputDoubt.of(clocks)} if clocks is not None else {}
+        clocks = self._poses.clock_doubt() if self._poses is not None else None
+        found |= {clocks.text: InputDoubt.of(clocks)} if clocks is not None else {}
         told = self._poses.velocities.remark() if isinstance(self._poses, JointPoses) else ""
         return [*found.values(), *([InputDoubt(told, wrong=False)] if told else [])]
 
     def _placed(self, poses: PlacedAccel, message: Any) -> list[PlacedAcceleration]:
         """Returns the container accelerations [m/s²] that become computable with a new message."""
         if hasattr(message, "transforms"):
-            return poses.take_transforms(map(_transform, message.transforms))
+            links = map(_transform, message.transforms)
+            return poses.take_transforms(links, at_ns=self._log_ns)
         if message.header.frame_id != poses.frame:
             return []
         a = message.accel.linear
-        return poses.take(stamp_ns(message), (a.x, a.y, a.z))
+        return poses.take(stamp_ns(message), (a.x, a.y, a.z), self._log_ns)
 
     def _taken(self, message: Any) -> list[TimedPose]:
         """Returns the poses that become computable with a new joint, transform or pose message."""
@@ -225,7 +225,7 @@ class InputBlocks:
             message.header.frame_id, POSED, stamp_ns(message), (p.x, p.y, p.z),
             (q.x, q.y, q.z, q.w),
         )  # fmt: skip
-        return self._poses.take([link])
+        return self._poses.take([link], at_ns=self._log_ns)
 
     def trouble(self) -> str:
         """Describes why poses are missing or wrong; empty if no fault is known."""
