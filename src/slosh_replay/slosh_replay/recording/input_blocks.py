@@ -28,14 +28,13 @@ from slosh_estimator.inputs import (
     NOUNS,
     ODOMETRY,
     POSE,
-    POSED,
     InputSettings,
     WantedInput,
 )
 from slosh_estimator.joint_poses import JointPoses
 from slosh_estimator.placed_accel import PlacedAccel, PlacedAcceleration
 from slosh_estimator.timed_pose import TimedPose
-from slosh_estimator.transform_poses import Transform, TransformPoses
+from slosh_estimator.transform_poses import POSED, Transform, TransformPoses
 from slosh_metrics.input_checks.message_checks import TwistCheck, unstamped
 from slosh_metrics.input_checks.stamp_checks import stamp_doubts
 from slosh_metrics.input_checks.table_checks import InputDoubt
