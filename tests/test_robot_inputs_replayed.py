@@ -493,3 +493,21 @@ def test_a_slow_localisation_neither_leads_nor_holds_up(tmp_path, ahead):
     result = replay_bag(bag, model, MonitorSettings(camera=False))
     assert np.nanmax(result.heights[result.model.name]) == pytest.approx(truth(), rel=0.02)
     assert result.counters["gaps"] == 0
+
+
+@pytest.mark.parametrize("made", [Maker.riding, Maker.beside])
+def test_transforms_stamped_ahead_of_what_they_place_are_named(tmp_path, made, capsys):
+    def ahead(maker: Maker) -> Iterator[Message]:
+        for topic, kind, log_ns, message in made(maker):
+            if topic == "/tf":
+                (link,) = message.transforms
+                link.header = maker.header(1e-9 * (log_ns - BEGIN) + 0.1, link.header.frame_id)
+            yield topic, kind, log_ns, message
+
+    bag, table, model = (tmp_path / name for name in ("bag", "motion.csv", "model.yaml"))
+    model.write_text(TEXT)
+    write(bag, ahead)
+    assert main(["export", str(bag), "--motion", "-o", str(table)]) == 0
+    assert "are stamped 100 ms ahead of their arrival" in capsys.readouterr().err
+    assert main(["simulate", str(model), str(table), "-o", str(tmp_path / "h.csv")]) == 1
+    assert "are stamped 100 ms ahead of their arrival" in capsys.readouterr().err

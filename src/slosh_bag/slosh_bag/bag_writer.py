@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from mcap.records import AttachmentIndex, Metadata
@@ -17,6 +17,7 @@ from slosh_bag.mcap_files.mcap_file import SMALL, McapFile
 __all__ = ["NEVER", "SERIALIZATION", "BagWriter", "Qos", "Split"]
 
 PROFILE = "ros2"
+_HASH = "topic_type_hash"
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,13 +36,27 @@ class Split:
 NEVER = Split()
 
 
+Schema = tuple[str, bytes]
+"""Encoding and content of a type's MCAP schema."""
+
+
+@dataclass(slots=True)
+class _Channel:
+    schema: Schema | None  # None: of the definitions here
+    metadata: Mapping[str, str]
+    number: int = 0  # in the present file
+
+
 @dataclass(slots=True)
 class _Topic:
     message_type: str
     qos: Qos
     encoding: str
-    metadata: Mapping[str, str]
-    channel: int = 0  # in the present file
+    channels: list[_Channel] = field(default_factory=list)
+
+    def sum_of(self, counts: Mapping[int, int]) -> int:
+        """Returns the number of the topic's messages, of counts by channel."""
+        return sum(counts.get(channel.number, 0) for channel in self.channels)
 
 
 class BagWriter:
@@ -79,7 +94,7 @@ class BagWriter:
         self._level = level
         self._topics: dict[str, _Topic] = {}
         self._counts: dict[str, int] = {}
-        self._schemas: dict[str, int] = {}
+        self._schemas: dict[tuple[str, Schema | None], int] = {}  # in the present file
         self._ended: list[FileFacts] = []
         self._unfinished: list[McapFile] = []
         self._has_news = False
@@ -136,7 +151,8 @@ class BagWriter:
         *,
         encoding: str = SERIALIZATION,
         metadata: Mapping[str, str] | None = None,
-    ) -> None:
+        schema: Schema | None = None,
+    ) -> int:
         """Registers a topic, with its type and QoS, before its first message.
 
         Args:
@@ -145,21 +161,31 @@ class BagWriter:
             qos: what its publishers offer.
             encoding: of its messages.
             metadata: what else its channels carry.
+            schema: of the type, as another bag holds it; each that differs gets a channel of its
+                own. None: that of the definitions here.
+
+        Returns:
+            number of the schema among the topic's, which `write` takes.
 
         Raises:
             SloshBagError: the type has no definition here, or the topic another type.
         """
-        known = self._topics.get(name)
-        if known is not None:
-            if known.message_type != message_type:
-                raise SloshBagError(f"{name}: is {known.message_type}, not {message_type}")
-            return
-        self._definitions.schema(message_type)  # refused before anything is noted
-        topic = _Topic(message_type, qos or Qos(), encoding, dict(metadata or {}))
-        self._topics[name] = topic
-        self._counts[name] = 0
+        topic = self._topics.get(name)
+        if topic is None:
+            if schema is None:
+                self._definitions.schema(message_type)  # refused before anything is noted
+            topic = self._topics[name] = _Topic(message_type, qos or Qos(), encoding)
+            self._counts[name] = 0
+        elif topic.message_type != message_type:
+            raise SloshBagError(f"{name}: is {topic.message_type}, not {message_type}")
+        known = [channel.schema for channel in topic.channels]
+        if schema in known:
+            return known.index(schema)
+        channel = _Channel(schema, dict(metadata or {}))
+        topic.channels.append(channel)
         if self._file is not None:
-            self._register(self._file, name, topic)
+            self._register(self._file, name, topic, channel)
+        return len(known)
 
     def note(self, name: str, value: str) -> None:
         """Stores a key and value in the bag's metadata, for all files finished later."""
@@ -190,7 +216,7 @@ class BagWriter:
         if self._file is not None and not self._file.path.exists():
             file, self._file = self._file, None
             for name, topic in self._topics.items():
-                gone = file.counts.get(topic.channel, 0) + file.waiting.get(topic.channel, 0)
+                gone = topic.sum_of(file.counts) + topic.sum_of(file.waiting)
                 self._counts[name] -= gone
                 lost += gone
             file.close()
@@ -208,6 +234,7 @@ class BagWriter:
         log_ns: int,
         publish_ns: int | None = None,
         sequence: int | None = None,
+        schema: int = 0,
     ) -> None:
         """Appends a serialised message to the bag.
 
@@ -217,6 +244,7 @@ class BagWriter:
             log_ns: when it was received [ns].
             publish_ns: when it was sent [ns]; None: as log_ns.
             sequence: its number; None: it is counted.
+            schema: number that `add_topic` returned.
 
         Raises:
             OSError: the system refuses to write: `abandon` the file.
@@ -230,7 +258,7 @@ class BagWriter:
         number = self._counts[topic]
         sent_ns = log_ns if publish_ns is None else publish_ns
         noted = number if sequence is None else sequence
-        file.add(self._topics[topic].channel, noted, log_ns, sent_ns, data)
+        file.add(self._topics[topic].channels[schema].number, noted, log_ns, sent_ns, data)
         self._counts[topic] = number + 1
         if file.full:
             file.flush()
@@ -261,7 +289,7 @@ class BagWriter:
             return 0
         lost = file.discard()
         for name, topic in self._topics.items():
-            self._counts[name] -= lost.get(topic.channel, 0)
+            self._counts[name] -= topic.sum_of(lost)
         if file.count:
             self._ended.append(_facts(file))
             self._unfinished.append(file)
@@ -284,8 +312,9 @@ class BagWriter:
         name = f"{self.folder.resolve().name}_{len(self._ended)}.mcap"
         file = McapFile(self.folder / name, self._profile, self._level)
         self._schemas.clear()
-        for topic, entry in self._topics.items():
-            self._register(file, topic, entry)
+        for own, topic in self._topics.items():
+            for channel in topic.channels:
+                self._register(file, own, topic, channel)
         self._file, self._began_ns = file, None
         self._save()
         return file
@@ -325,18 +354,20 @@ class BagWriter:
             file.finish(self._custom, self._kept)
             del self._unfinished[0]
 
-    def _register(self, file: McapFile, name: str, topic: _Topic) -> None:
-        """Registers a topic in a file; each file lists all topics and can be read alone."""
-        kind = topic.message_type
-        if kind not in self._schemas:
-            schema = self._definitions.schema(kind)
-            self._schemas[kind] = file.add_schema(kind, schema[1], schema[0]) if schema else 0
+    def _register(self, file: McapFile, name: str, topic: _Topic, channel: _Channel) -> None:
+        """Registers a topic's channel in a file; each file lists all and can be read alone."""
+        kind, own = topic.message_type, channel.schema
+        if (kind, own) not in self._schemas:
+            content = own or self._definitions.schema(kind)
+            number = file.add_schema(kind, content[1], content[0]) if content else 0
+            self._schemas[kind, own] = number
+        told = channel.metadata.get(_HASH) if own else ""
         metadata = {
-            **topic.metadata,
+            **channel.metadata,
             "offered_qos_profiles": topic.qos.text(),
-            "topic_type_hash": self._definitions.hash(kind),
+            _HASH: told or self._definitions.hash(kind),
         }
-        topic.channel = file.add_channel(name, self._schemas[kind], metadata, topic.encoding)
+        channel.number = file.add_channel(name, self._schemas[kind, own], metadata, topic.encoding)
 
     def _save(self) -> None:
         topics = [

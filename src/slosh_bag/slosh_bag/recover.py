@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from mcap.records import Channel, Header, Schema
@@ -98,7 +98,12 @@ class NotedDefinitions(Definitions):
         return schema.encoding, schema.data
 
     def hash(self, message_type: str) -> str:
-        """Returns the type hash stored in the bag, or else the hash of the definition."""
+        """Returns the type hash stored in the bag, or else the hash of the definition.
+
+        It is empty for a type with several definitions: each channel knows its own.
+        """
+        if self.types.is_ambiguous(message_type):
+            return ""
         if not self._hashes.get(message_type):
             try:
                 store = self.types.typestore(message_type)
@@ -182,6 +187,13 @@ def _parts(stream: BinaryIO, start: int, length: int) -> Iterator[bytes]:
         yield part
 
 
+class _Target(NamedTuple):
+    """Where the messages of a channel go: topic, and number of the definition among its own."""
+
+    topic: str
+    schema: int
+
+
 @dataclass(slots=True)
 class _Copy:
     """The recovered bag that is being written, and the losses found."""
@@ -199,7 +211,7 @@ class _Copy:
     def add(self, file: Path, progress: Progress) -> None:
         """Copies the intact messages of a file to the recovered bag."""
         walk = McapWalk(file, lenient=True)
-        topics: dict[int, str | None] = {}
+        topics: dict[int, _Target | None] = {}
         done = 0
         for chunk in walk.chunks():
             if not done:
@@ -226,8 +238,8 @@ class _Copy:
             for index in walk.found.attachments:
                 self.writer.attach(index, _parts(stream, index.offset, index.length + 4))
 
-    def topic(self, file: Path, walk: McapWalk, number: int) -> str | None:
-        """Registers the topic of a channel; returns its name, or None if it cannot be written."""
+    def topic(self, file: Path, walk: McapWalk, number: int) -> _Target | None:
+        """Registers the topic of a channel, with its own definition; None: it cannot be."""
         channel = walk.found.channels[number]
         topic: str = channel.topic
         schema: Schema | None = walk.found.schemas.get(channel.schema_id)
@@ -236,23 +248,25 @@ class _Copy:
             self.definitions.note_hash(kind, channel)
             qos = NotedQos(noted=channel.metadata.get("offered_qos_profiles", ""))
             metadata = dict(channel.metadata)
-            self.writer.add_topic(
-                topic, kind, qos, encoding=channel.message_encoding, metadata=metadata
+            own = (schema.encoding, schema.data) if schema else None
+            target = self.writer.add_topic(
+                topic, kind, qos, encoding=channel.message_encoding, metadata=metadata, schema=own
             )
         except SloshBagError as error:
             self.notes.append(f"{file}: {topic} left out: {error}")
             return None
-        return topic
+        return _Target(topic, target)
 
-    def write(self, chunk: Chunk, topics: dict[int, str | None]) -> None:
+    def write(self, chunk: Chunk, topics: dict[int, _Target | None]) -> None:
         """Copies the messages of a chunk to the recovered bag."""
         columns = chunk.channel, chunk.start, chunk.length, chunk.log_ns, chunk.publish_ns
         rows = zip(*(column.tolist() for column in columns), strict=True)
         for number, start, length, log_ns, publish_ns in rows:
-            topic = topics[number]
-            if topic is not None:
-                data = chunk.raw[start : start + length]
-                self.writer.write(topic, data, log_ns, publish_ns, sequence_of(chunk, start))
+            target = topics[number]
+            if target is not None:
+                data, sequence = chunk.raw[start : start + length], sequence_of(chunk, start)
+                topic, schema = target
+                self.writer.write(topic, data, log_ns, publish_ns, sequence, schema)
 
     def tell(self, file: Path, walk: McapWalk) -> None:
         """Adds notes about the messages that a file has lost."""

@@ -98,6 +98,31 @@ def test_two_definitions_in_a_bag_are_named_and_not_decoded(tmp_path, cut):
     assert all((one.a, one.b) == (1.0, 2.0) for one in decoded)
 
 
+@pytest.mark.parametrize("topics", [("/h", "/h"), ("/old", "/new")])
+@pytest.mark.parametrize("damage", ["cut", "hole"])
+def test_recovery_keeps_each_definition_so_that_an_import_can_follow(tmp_path, topics, damage):
+    """What the import of a cut file and the reading of two definitions advise leads to the end."""
+    one, other = topics
+    file = write(tmp_path / "two.mcap", (one, OLD), (other, NEW), count=400)
+    data = bytearray(file.read_bytes())
+    if damage == "cut":
+        del data[-len(data) // 3 :]
+    else:
+        data[len(data) // 3 : len(data) // 3 + 400] = bytes(400)
+    file.write_bytes(data)
+    with pytest.raises(SloshBagError, match="slosh recover"):
+        import_rosbag(file, tmp_path / "refused")
+    recovered = recover_bag(file, tmp_path / "bag")
+    assert not any("definitions" in note for note in recovered.notes)
+    assert 200 < sum(recovered.counts.values()) < 800
+    found = import_rosbag(tmp_path / "bag", tmp_path / "imported")
+    assert (found.counts, found.lost) == (recovered.counts, ())
+    assert {one for rows in values(tmp_path / "imported").values() for one in rows} == {(1.0, 2.0)}
+    with (tmp_path / "bag" / "bag_0.mcap").open("rb") as stream:
+        channels = make_reader(stream).get_summary().channels.values()
+    assert [channel.metadata["k"] for channel in channels] == ["0", "1"]
+
+
 def attach(writer):
     for k in range(2):
         writer.add_attachment(T0, T0 + 1, f"calibration_{k}.yaml", "text/yaml", b"a: 1\n" * 300)

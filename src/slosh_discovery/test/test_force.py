@@ -157,3 +157,11 @@ def test_a_clipped_force_is_named(record):
     force = record.force - np.median(record.force, axis=0)
     most = 0.2 * np.abs(force).max()
     assert "clipped during" in refused(replace(record, force=np.clip(force, -most, most)))
+
+
+def test_a_force_in_axes_that_do_not_turn_with_the_container_is_refused():
+    turning = replace(TRUTH, plane=True, turn=math.radians(90.0))
+    check(identify_force(turning.record(), CUP), turning)
+    told = refused(replace(turning, in_base=True).record())
+    assert "axes that do not turn with the container" in told
+    assert "record it in the sensor's own axes" in told

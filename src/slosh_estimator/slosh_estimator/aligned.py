@@ -9,9 +9,10 @@ integrated, such as a localisation's corrections, leads only where no faster one
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Hashable, Set
+from collections.abc import Callable, Collection, Hashable, Set
 from typing import Generic, TypeVar
 
+from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.sample import SECONDS_PER_NS
 from slosh_estimator.tuning import TUNING
 from slosh_metrics.input_checks.constant_meaning import Doubt
@@ -22,6 +23,53 @@ Mix = Callable[[Values, Values, float], Values]
 
 
 Key = TypeVar("Key", bound=Hashable)
+
+
+class Lead:
+    """By how much the stamps of one publisher lie after the arrival of its messages.
+
+    Attributes:
+        ahead: on the average [s].
+    """
+
+    def __init__(self) -> None:
+        self.ahead, self._count = 0.0, 0
+
+    @property
+    def is_known(self) -> bool:
+        """Whether enough messages have come."""
+        return self._count >= TUNING.first_states
+
+    def take(self, stamp_ns: int, at_ns: int) -> None:
+        """Adds a stamp and the moment of its arrival [ns]."""
+        self._count += 1
+        self.ahead += ((stamp_ns - at_ns) * SECONDS_PER_NS - self.ahead) / self._count
+
+
+def clock_doubt(clocks: Collection[tuple[float, str]]) -> Doubt | None:
+    """Returns what the arrival of messages shows of their publishers' clocks.
+
+    A message may be late, but cannot arrive before its stamp.
+
+    Args:
+        clocks: by how much stamps lie after the arrival [s], and whose they are.
+    """
+    if len(clocks) < 2:
+        return None
+    (least, late), (most, early) = min(clocks), max(clocks)
+    if most - least < TUNING.clock_apart:
+        return None
+    if most > 0.5 * TUNING.clock_apart:
+        return Doubt(
+            f"{early} are stamped {1e3 * most:.0f} ms ahead of their arrival, and {late} "
+            f"{1e3 * least:.0f} ms: the clocks of their publishers differ, and the motion is "
+            "put together wrongly; synchronise them, or stamp with the time of measurement"
+        )
+    return Doubt(
+        f"{late} arrive {-1e3 * least:.0f} ms after their stamps, and {early} "
+        f"{abs(1e3 * most):.0f} ms: if that is no delay, their publishers' clocks differ",
+        wrong=False,
+    )
 
 
 class AlignedStreams(Generic[Key]):
@@ -61,35 +109,17 @@ class AlignedStreams(Generic[Key]):
         self._streams.clear()
         self._leader = None
 
-    def clock_doubt(self, named: Callable[[Key], str]) -> Doubt | None:
-        """Returns what the arrival of streams that move shows of their publishers' clocks.
-
-        A message may be late, but cannot arrive before its stamp.
+    def clocks(self, named: Callable[[Key], str]) -> list[tuple[float, str]]:
+        """Returns by how much the stamps of streams that move lie after their arrival [s].
 
         Args:
             named: names a stream.
         """
-        known = [
-            (stream.ahead, named(key))
+        return [
+            (stream.lead.ahead, named(key))
             for key, stream in self._streams.items()
-            if stream.arrived >= TUNING.first_states and stream.reach > TUNING.clock_way
+            if stream.lead.is_known and stream.swift
         ]
-        if len(known) < 2:
-            return None
-        (least, late), (most, early) = min(known), max(known)
-        if most - least < TUNING.clock_apart:
-            return None
-        if most > 0.5 * TUNING.clock_apart:
-            return Doubt(
-                f"{early} are stamped {1e3 * most:.0f} ms ahead of their arrival, and {late} "
-                f"{1e3 * least:.0f} ms: the clocks of their publishers differ, and the motion is "
-                "put together wrongly; synchronise them, or stamp with the time of measurement"
-            )
-        return Doubt(
-            f"{late} arrive {-1e3 * least:.0f} ms after their stamps, and {early} "
-            f"{abs(1e3 * most):.0f} ms: if that is no delay, their publishers' clocks differ",
-            wrong=False,
-        )
 
     def add(self, key: Key, stamp_ns: int, values: Values, at_ns: int | None = None) -> None:
         """Adds a stream's values; clears all streams if time jumps.
@@ -108,7 +138,7 @@ class AlignedStreams(Generic[Key]):
             stream = self._streams[key] = _Stream(values)
         stream.take(stamp_ns, values)
         if at_ns is not None:
-            stream.arrive((stamp_ns - at_ns) * SECONDS_PER_NS)
+            stream.lead.take(stamp_ns, at_ns)
 
     def rows(self) -> list[tuple[int, dict[Key, Values]]]:
         """Returns stamps [ns] at which all streams have values, and those values by stream."""
@@ -150,19 +180,19 @@ class _Stream:
         newest_ns: stamp of the newest one [ns].
         interval_ns: usual time between two [ns]; 0: not known.
         moved: whether it has left its first values.
+        swift: whether it moves fast enough for its publisher's clock to matter.
         waiting: stamps and values that have not led a row yet.
-        arrived: values whose arrival is known.
-        ahead: by which stamps lie after the arrival, on the average [s].
-        reach: the largest change from the first values.
+        lead: by which stamps lie after the arrival.
     """
 
     def __init__(self, values: Values) -> None:
         self.newest_ns = -(2**62)
         self.interval_ns = 0.0
         self.moved = False
-        self.arrived, self.ahead, self.reach = 0, 0.0, 0.0
+        self.swift, self.lead = False, Lead()
         self.waiting: deque[tuple[int, Values]] = deque(maxlen=TUNING.kept_states)
         self._first = values
+        self._since: tuple[int, Values] = (self.newest_ns, values)
         self._kept: deque[tuple[int, Values]] = deque(maxlen=TUNING.kept_states)
 
     def take(self, stamp_ns: int, values: Values) -> None:
@@ -176,15 +206,12 @@ class _Stream:
         self.newest_ns = stamp_ns
         self._kept.append((stamp_ns, values))
         self.waiting.append((stamp_ns, values))
-        if self.reach <= TUNING.clock_way:
-            pairs = zip(values, self._first, strict=True)
-            self.reach = max(self.reach, *(abs(one - first) for one, first in pairs))
-            self.moved = self.reach > TUNING.moved
-
-    def arrive(self, ahead: float) -> None:
-        """Adds by how much a stamp lies after the arrival [s]."""
-        self.arrived += 1
-        self.ahead += (ahead - self.ahead) / self.arrived
+        if not self.moved:
+            self.moved = _change(values, self._first) > TUNING.moved
+        if not self.swift:
+            if stamp_ns - self._since[0] > SECOND:
+                self._since = stamp_ns, values
+            self.swift = _change(values, self._since[1]) > TUNING.clock_way
 
     def at(self, stamp_ns: int, mix: Mix) -> Values:
         """Interpolates the values at a stamp [ns]; empty before the first values."""
@@ -199,3 +226,8 @@ class _Stream:
                 return mix(before[1], after[1], share)
             after = before
         return ()
+
+
+def _change(one: Values, other: Values) -> float:
+    """Returns the largest difference between two values."""
+    return max(abs(a - b) for a, b in zip(one, other, strict=True))

@@ -19,7 +19,7 @@ from slosh_estimator.placed_accel import PlacedAccel
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.robot import Robot
 from slosh_estimator.sampling import Modes
-from slosh_estimator.transform_poses import TransformPoses
+from slosh_estimator.transform_poses import POSED, TransformPoses
 from slosh_estimator.velocity_input import OdometryPoses, VelocityInput
 from slosh_metrics.mounting.verdict import Expected
 from slosh_model.model import TILT, Model
@@ -35,8 +35,6 @@ POSES = (POSE, JOINTS, TRANSFORMS)
 """Kinds whose messages become poses."""
 ROBOT = "urdf"
 """Under this name the text of the robot's description is kept with the settings."""
-POSED = "the pose"
-"""Name of the frame that a pose tells, where its own frame moves: no frame is called so."""
 CHAINED = "pose_chained"
 """Under this name the settings say that the frame of poses moves in the world."""
 PLACED = "accel_placed"

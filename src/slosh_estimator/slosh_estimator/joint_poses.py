@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 
 from slosh_base.files.nanoseconds import SECOND
-from slosh_estimator.aligned import AlignedStreams, Values
+from slosh_estimator.aligned import AlignedStreams, Values, clock_doubt
 from slosh_estimator.robot import Robot
 from slosh_estimator.sample import SECONDS_PER_NS
 from slosh_estimator.timed_pose import TimedPose
@@ -110,7 +110,8 @@ class JointPoses:
 
     def clock_doubt(self) -> Doubt | None:
         """Returns what the arrival of moving joints shows of their publishers' clocks."""
-        return self._streams.clock_doubt(lambda names: f"the joint states of {', '.join(names)}")
+        clocks = self._streams.clocks(lambda names: f"the joint states of {', '.join(names)}")
+        return clock_doubt(clocks)
 
     @property
     def groups(self) -> int:

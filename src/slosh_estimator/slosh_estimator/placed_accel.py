@@ -19,13 +19,14 @@ from collections import deque
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from slosh_estimator.aligned import AlignedStreams, Values
+from slosh_estimator.aligned import AlignedStreams, Lead, Values, clock_doubt
 from slosh_estimator.mounting import Quaternion, rotated
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.rotation import Vector
 from slosh_estimator.sample import Pose, Sample
 from slosh_estimator.transform_poses import Transform, TransformPoses, between
 from slosh_estimator.tuning import TUNING
+from slosh_metrics.input_checks.constant_meaning import Doubt
 
 _CONTAINER, _SENSOR = "container", "sensor"
 
@@ -66,39 +67,45 @@ class PlacedAccel:
             _CONTAINER: TransformPoses(world, container), _SENSOR: TransformPoses(world, frame),
         }  # fmt: skip
         self._pairs: AlignedStreams[str] = AlignedStreams(between, self._is_complete)
-        self._arm = arm
+        self._arm, self._lead = arm, Lead()
         self._sensor: deque[tuple[int, Values]] = deque(maxlen=TUNING.kept_states)
         self._arms: deque[Sample] = deque(maxlen=TUNING.kept_states)
         self._waiting: deque[tuple[int, Vector]] = deque(maxlen=TUNING.kept_states)
         self._given = 0
 
     def take_transforms(
-        self, transforms: Iterable[Transform], *, fixed: bool = False
+        self, transforms: Iterable[Transform], *, fixed: bool = False, at_ns: int | None = None
     ) -> list[PlacedAcceleration]:
         """Adds transforms; returns the accelerations that can be converted now, in order.
 
         Args:
             transforms: of the message.
             fixed: whether they hold for all time.
+            at_ns: when the message arrived, or was recorded [ns]; None: not known.
         """
         listed = list(transforms)
         if not fixed and listed:
             self.since_ns = self.since_ns or listed[0].stamp_ns
             listed = [one for one in listed if one.stamp_ns >= self.since_ns]
         for key, chain in self._chains.items():
-            for stamp_ns, position, quaternion in chain.take(listed, fixed=fixed):
+            for stamp_ns, position, quaternion in chain.take(listed, fixed=fixed, at_ns=at_ns):
                 self._pairs.add(key, stamp_ns, (*position, *quaternion))
         for stamp_ns, both in self._pairs.rows():
             self._follow(stamp_ns, both[_CONTAINER], both[_SENSOR])
         return self._completed()
 
-    def take(self, stamp_ns: int, vector: Vector) -> list[PlacedAcceleration]:
+    def take(
+        self, stamp_ns: int, vector: Vector, at_ns: int | None = None
+    ) -> list[PlacedAcceleration]:
         """Adds an acceleration; returns those that can be converted now, in order.
 
         Args:
             stamp_ns: the moment [ns].
             vector: in the axes of its frame [m/s²].
+            at_ns: when the message arrived, or was recorded [ns]; None: not known.
         """
+        if at_ns is not None:
+            self._lead.take(stamp_ns, at_ns)
         if self._waiting and stamp_ns < self._waiting[-1][0] - TUNING.set_back_ns:
             self._waiting.clear()
         self._waiting.append((stamp_ns, vector))
@@ -116,6 +123,13 @@ class PlacedAccel:
                 "connect it with the world: publish them, or use the input imu or pose"
             )
         return ""
+
+    def clock_doubt(self) -> Doubt | None:
+        """Returns what the arrival shows of the clocks of the sensor and of the transforms."""
+        clocks = {name: ahead for chain in self._chains.values() for ahead, name in chain.clocks()}
+        if self._lead.is_known:
+            clocks["the accelerations"] = self._lead.ahead
+        return clock_doubt([(ahead, name) for name, ahead in clocks.items()])
 
     def facts(self) -> dict[str, str]:
         """Returns the state of the conversion by name, for the diagnostics."""

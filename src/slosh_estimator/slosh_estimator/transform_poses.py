@@ -10,12 +10,15 @@ from collections import deque
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from slosh_estimator.aligned import AlignedStreams, Values
+from slosh_estimator.aligned import AlignedStreams, Values, clock_doubt
 from slosh_estimator.mounting import Quaternion, composed
 from slosh_estimator.rotation import Vector
 from slosh_estimator.timed_pose import TimedPose
 from slosh_estimator.tuning import TUNING
 from slosh_metrics.input_checks.constant_meaning import Doubt
+
+POSED = "the pose"
+"""Name of the frame that a pose tells, where its own frame moves: no frame is called so."""
 
 
 class Transform(NamedTuple):
@@ -50,7 +53,7 @@ class TransformPoses:
 
     def __init__(self, world: str, container: str, since_ns: int | None = None) -> None:
         self.since_ns = since_ns
-        self._early: deque[tuple[str, int, Values]] = deque(maxlen=TUNING.kept_states)
+        self._early: deque[tuple[str, int, Values, int | None]] = deque(maxlen=TUNING.kept_states)
         self._is_past = since_ns is None
         self._world, self._container = world.lstrip("/"), container.lstrip("/")
         self._parents: dict[str, str] = {}
@@ -61,7 +64,6 @@ class TransformPoses:
         self._count = 0
         self._since_ns = 0
         self._newest_ns = 0
-        self._at_ns: int | None = None
 
     def take(
         self, transforms: Iterable[Transform], *, fixed: bool = False, at_ns: int | None = None
@@ -73,7 +75,7 @@ class TransformPoses:
             fixed: whether they hold for all time.
             at_ns: when the message arrived, or was recorded [ns]; None: not known.
         """
-        fed, self._at_ns = False, at_ns
+        fed = False
         for one in transforms:
             child, parent = one.child.lstrip("/"), one.parent.lstrip("/")
             if self._parents.get(child) != parent:
@@ -88,25 +90,25 @@ class TransformPoses:
                 self._newest_ns = max(self._newest_ns, one.stamp_ns)
                 self._since_ns = self._since_ns or one.stamp_ns
                 values = (*one.position, *one.quaternion)
-                fed = self._feed(child, one.stamp_ns, values) or fed
+                fed = self._feed(child, one.stamp_ns, values, at_ns) or fed
         self._count += not fixed
         return [self._pose(*row) for row in self._streams.rows()] if fed else []
 
-    def _feed(self, child: str, stamp_ns: int, values: Values) -> bool:
+    def _feed(self, child: str, stamp_ns: int, values: Values, at_ns: int | None) -> bool:
         """Stores a moving transform; returns whether it may complete poses."""
         if self._is_past or self.since_ns is None:
-            self._streams.add(child, stamp_ns, values, self._at_ns)
+            self._streams.add(child, stamp_ns, values, at_ns)
             return True
         if self.since_ns:
             if stamp_ns >= self.since_ns:
-                self._streams.add(child, stamp_ns, values)
+                self._streams.add(child, stamp_ns, values, at_ns)
             # What comes later with an earlier stamp is of a clock that was set back.
             self._is_past = stamp_ns > self.since_ns + TUNING.set_back_ns
             return stamp_ns >= self.since_ns
-        self._early.append((child, stamp_ns, values))
+        self._early.append((child, stamp_ns, values, at_ns))
         firsts: dict[str, int] = {}
-        for name, at_ns, _ in self._early:
-            firsts.setdefault(name, at_ns)
+        for name, then_ns, *_ in self._early:
+            firsts.setdefault(name, then_ns)
         if not all(one in self._fixed or one in firsts for one in self._chain):
             return False
         self.since_ns = max(firsts.values())
@@ -147,7 +149,15 @@ class TransformPoses:
 
     def clock_doubt(self) -> Doubt | None:
         """Returns what the arrival of moving transforms shows of their publishers' clocks."""
-        return self._streams.clock_doubt(lambda child: f"the transforms of {child!r}")
+        return clock_doubt(self.clocks())
+
+    def clocks(self) -> list[tuple[float, str]]:
+        """Returns by how much stamps lie after their arrival; see `AlignedStreams.clocks`."""
+
+        def named(child: str) -> str:
+            return "the poses" if child == POSED else f"the transforms of {child!r}"
+
+        return self._streams.clocks(named)
 
     def facts(self) -> dict[str, str]:
         """Returns the chain of transforms as text, for the diagnostics."""

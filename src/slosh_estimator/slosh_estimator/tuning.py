@@ -48,7 +48,9 @@ class EstimatorTuning:
     set_back_ns: int = number(SECOND, "ns", "stamps that go back so far are another time")
     silent_ns: int = number(SECOND, "ns", "time that a stream may be behind the others")
     silent_intervals: float = number(3.0, "1", "the same in its own intervals, in addition")
-    clock_way: float = number(0.05, "rad, m", "change of a stream whose clock matters")
+    clock_way: float = number(
+        0.05, "rad, m", "change within a second of a stream whose clock matters"
+    )
     clock_apart: float = number(0.03, "s", "least distance of two publishers' clocks")
     # joint_poses.py, transform_poses.py
     first_states: int = number(50, "1", "messages after which missing inputs are reported")

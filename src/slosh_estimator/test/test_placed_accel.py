@@ -58,6 +58,28 @@ def placed(rate=125.0, accel_rate=500.0, seconds=2.0, moving=True):
     return poses, found
 
 
+@pytest.mark.parametrize(
+    ("ahead", "wrong"), [(0.0, None), (0.1, True), (-0.1, False)], ids=["alike", "ahead", "late"]
+)
+def test_transforms_with_another_clock_than_the_sensors_are_named(ahead, wrong):
+    poses = SETTINGS.with_mounting({PLACED: "sensor"}).poses("accel")
+    poses.take_transforms(STATIC, fixed=True)
+    for k in range(1000):
+        t, at_ns = 0.002 * k, (2 * k + 1) * MS
+        if k % 4 == 0:
+            moved = link("world", "tool", t + ahead, *tool(t))
+            poses.take_transforms([moved], at_ns=at_ns)
+        poses.take(2 * k * MS, (0.0, 0.0, 0.0), at_ns)
+    doubt = poses.clock_doubt()
+    if wrong is None:
+        assert doubt is None
+        return
+    assert doubt.wrong == wrong
+    told = "99 ms ahead of their arrival" if wrong else "arrive 101 ms after their stamps"
+    assert doubt.text.startswith(f"the transforms of 'tool' {'are stamped ' * wrong}{told}")
+    assert "the accelerations" in doubt.text
+
+
 @pytest.mark.parametrize("rate", [60.0, 125.0, 500.0])
 def test_rotation_and_lever_arm_come_from_transforms_at_any_rate(rate):
     _, found = placed(rate)

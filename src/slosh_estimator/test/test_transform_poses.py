@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slosh_estimator.timed_pose import TimedPose
-from slosh_estimator.transform_poses import Transform, TransformPoses
+from slosh_estimator.transform_poses import POSED, Transform, TransformPoses
 
 MS = 1_000_000
 BEGIN = 1_700_000_000_000_000_000
@@ -190,6 +190,19 @@ def test_transforms_stamped_ahead_of_their_arrival_are_named():
     assert doubt.wrong
 
 
+def test_the_clock_of_poses_in_a_frame_that_moves_is_compared_with_the_frames():
+    poses = TransformPoses("world", POSED, 0)
+    for ms in range(0, 4000, 10):
+        for late, (parent, child) in ((-100, ("world", "base")), (2, ("base", POSED))):
+            place = (0.001 * ms, 0.0, 0.0)
+            link = Transform(parent, child, BEGIN + ms * MS, place, (0.0, 0.0, 0.0, 1.0))
+            poses.take([link], at_ns=BEGIN + (ms + late) * MS)
+    doubt = poses.clock_doubt()
+    assert "the transforms of 'base' are stamped 100 ms ahead" in doubt.text
+    assert "and the poses -2 ms" in doubt.text
+    assert doubt.wrong
+
+
 def test_transforms_that_may_be_late_are_a_remark():
     doubt = clocks(60.0, 2.0)
     assert "the transforms of 'rail' arrive 60 ms after their stamps" in doubt.text
@@ -199,7 +212,7 @@ def test_transforms_that_may_be_late_are_a_remark():
 @pytest.mark.parametrize(
     ("rail_ms", "wrist_ms", "offset_ms", "moved"),
     [(2.0, 20.0, 0.0, 1.0), (2.0, 2.0, -300.0, 1.0), (2.0, 2.0, 5000.0, 1.0),
-     (-300.0, 2.0, 0.0, 0.005)],
+     (-300.0, 2.0, 0.0, 0.005), (-300.0, 2.0, 0.0, 0.02)],
 )  # fmt: skip
 def test_small_delays_common_offsets_and_corrections_are_no_fault(
     rail_ms, wrist_ms, offset_ms, moved

@@ -42,6 +42,9 @@ class SimulatedSensor:
         duration: of it [s].
         rest: behind it [s].
         plane: whether there is a second stroke across the first.
+        turn: of the container about z, from the middle of the first stroke to that of the second
+            [rad]; needs `plane`.
+        in_base: whether the force is given in axes that do not turn with the container.
         seed: of the noise.
     """
 
@@ -62,6 +65,8 @@ class SimulatedSensor:
     duration: float = 0.8
     rest: float = 8.0
     plane: bool = False
+    turn: float = 0.0
+    in_base: bool = False
     seed: int = 0
 
     @property
@@ -85,6 +90,11 @@ class SimulatedSensor:
         way = np.cumsum(np.cumsum(motion, axis=0), axis=0) / FINE**2
         size = max(float(np.abs(way).max()), 1e-9)
         force = force + self.cable * way / size
+        half = 0.5 * self.turn * self._turned(t)
+        if not self.in_base:
+            cosine, sine = np.cos(2.0 * half), np.sin(2.0 * half)
+            x, y, z = force.T
+            force = np.column_stack([cosine * x + sine * y, cosine * y - sine * x, z])
         force = force @ np.array(self.axes).T
         at = np.arange(0.0, t[-1], 1.0 / self.rate)
         at = np.sort(at + rng.uniform(0.0, 0.2 / self.rate, len(at)))
@@ -92,12 +102,18 @@ class SimulatedSensor:
         walk = np.cumsum(rng.normal(size=(len(at), 3)), axis=0) / math.sqrt(len(at))
         seen += self.drift * walk + rng.normal(0.0, 1.0, 3)  # drift, and a zero that is not one
         seen += rng.normal(0.0, self.noise, seen.shape)
+        turned = np.column_stack([0.0 * t, 0.0 * t, np.sin(half), np.cos(half)])
         return ForceRecord(
             f"seed {self.seed}",
-            Inputs(t[::2], motion[::2]),
+            Inputs(t[::2], motion[::2], turned[::2] if self.turn else None),
             at,
             np.round(seen / 0.00625) * 0.00625,
         )
+
+    def _turned(self, t: Array) -> Array:
+        """Returns the part (N,) of the turn that is done at times [s]."""
+        share = np.clip((t - 1.0 - 0.5 * self.duration) / (self.duration + 1.0), 0.0, 1.0)
+        return np.asarray(share**2 * (3.0 - 2.0 * share))
 
     def _motion(self) -> tuple[Array, Array]:
         count = 2 if self.plane else 1

@@ -29,6 +29,10 @@ class BagTypes:
         if (known.data, known.encoding) != (schema.data, schema.encoding):
             self._ambiguous.add(schema.name)
 
+    def is_ambiguous(self, message_type: str) -> bool:
+        """Returns whether the bag has several definitions of a message type that differ."""
+        return message_type in self._ambiguous
+
     def schema(self, message_type: str) -> Schema:
         """Returns the bag's schema of a message type.
 

@@ -17,7 +17,6 @@ from slosh_estimator.inputs import (
     CHAINED_SINCE,
     MESSAGE_TYPES,
     MOUNTED,
-    POSED,
     SINCE,
     TOPIC_NAMES,
     AnyInput,
@@ -31,7 +30,7 @@ from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.rotation import Vector
 from slosh_estimator.sample import Sample
 from slosh_estimator.timed_pose import TimedPose
-from slosh_estimator.transform_poses import Transform, TransformPoses
+from slosh_estimator.transform_poses import POSED, Transform, TransformPoses
 from slosh_estimator.velocity_input import OdometryPoses, Twist, VelocityInput
 from slosh_metrics.input_checks.constant_meaning import Doubt
 from slosh_msgs_py import qos, topics
@@ -208,8 +207,7 @@ class InputSubscription:
 
     def clock_doubt(self) -> Doubt | None:
         """Returns what the arrival of messages shows of their publishers' clocks."""
-        poses = self.poses
-        return poses.clock_doubt() if isinstance(poses, JointPoses | TransformPoses) else None
+        return self.poses.clock_doubt() if self.poses is not None else None
 
     def facts(self) -> dict[str, str]:
         """Returns texts on the state of the input by name, for the diagnostics."""
@@ -251,14 +249,15 @@ class InputSubscription:
         if self._told is not None:
             self._told(stamp, frame, (ax, ay, az), None)
         if isinstance(self.poses, PlacedAccel) and frame == self.poses.frame:
-            self._on_placed(self.poses.take(stamp, (ax, ay, az)))
+            self._on_placed(self.poses.take(stamp, (ax, ay, az), self._now()))
             return
         self._answer(stamp, self.source.update(stamp, frame, ax, ay, az, self._now()))
 
     def _on_placing(self, message: Any) -> None:
         assert isinstance(self.poses, PlacedAccel)
         is_first = not self.poses.since_ns
-        found = self.poses.take_transforms(map(_transform, message.transforms))
+        links = map(_transform, message.transforms)
+        found = self.poses.take_transforms(links, at_ns=self._now())
         if is_first and self.poses.since_ns:  # what a replay must know
             self._mounted({SINCE: self.poses.since_ns})
         self._on_placed(found)

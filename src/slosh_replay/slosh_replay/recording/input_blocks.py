@@ -28,14 +28,13 @@ from slosh_estimator.inputs import (
     NOUNS,
     ODOMETRY,
     POSE,
-    POSED,
     InputSettings,
     WantedInput,
 )
 from slosh_estimator.joint_poses import JointPoses
 from slosh_estimator.placed_accel import PlacedAccel, PlacedAcceleration
 from slosh_estimator.timed_pose import TimedPose
-from slosh_estimator.transform_poses import Transform, TransformPoses
+from slosh_estimator.transform_poses import POSED, Transform, TransformPoses
 from slosh_metrics.input_checks.message_checks import TwistCheck, unstamped
 from slosh_metrics.input_checks.stamp_checks import stamp_doubts
 from slosh_metrics.input_checks.table_checks import InputDoubt
@@ -195,20 +194,20 @@ class InputBlocks:
         for stamped, logged in self._clocks.values():
             stamps, logs = (np.frombuffer(each, np.int64) for each in (stamped, logged))
             found |= {str(doubt): doubt for doubt in stamp_doubts(stamps, logs, noun)}
-        if isinstance(self._poses, JointPoses | TransformPoses):
-            clocks = self._poses.clock_doubt()
-            found |= {clocks.text: InputDoubt.of(clocks)} if clocks is not None else {}
+        clocks = self._poses.clock_doubt() if self._poses is not None else None
+        found |= {clocks.text: InputDoubt.of(clocks)} if clocks is not None else {}
         told = self._poses.velocities.remark() if isinstance(self._poses, JointPoses) else ""
         return [*found.values(), *([InputDoubt(told, wrong=False)] if told else [])]
 
     def _placed(self, poses: PlacedAccel, message: Any) -> list[PlacedAcceleration]:
         """Returns the container accelerations [m/s²] that become computable with a new message."""
         if hasattr(message, "transforms"):
-            return poses.take_transforms(map(_transform, message.transforms))
+            links = map(_transform, message.transforms)
+            return poses.take_transforms(links, at_ns=self._log_ns)
         if message.header.frame_id != poses.frame:
             return []
         a = message.accel.linear
-        return poses.take(stamp_ns(message), (a.x, a.y, a.z))
+        return poses.take(stamp_ns(message), (a.x, a.y, a.z), self._log_ns)
 
     def _taken(self, message: Any) -> list[TimedPose]:
         """Returns the poses that become computable with a new joint, transform or pose message."""
@@ -225,7 +224,7 @@ class InputBlocks:
             message.header.frame_id, POSED, stamp_ns(message), (p.x, p.y, p.z),
             (q.x, q.y, q.z, q.w),
         )  # fmt: skip
-        return self._poses.take([link])
+        return self._poses.take([link], at_ns=self._log_ns)
 
     def trouble(self) -> str:
         """Describes why poses are missing or wrong; empty if no fault is known."""
