@@ -117,7 +117,7 @@ def test_the_shortest_safe_duration_is_found_however_narrow_its_range_is(size, r
     def check(motions):
         return [told(one) for one in motions]
 
-    check.glance = check
+    check.glance = check  # type: ignore[attr-defined]
     make = known_laws(LINE)["quintic"].motion
     rows = np.arange(np.ceil(1e3 * shortest(make, LIMITS)), 20_000)
     least = next(row for row in rows if over(1e-3 * row) <= 0.0) / 1e3
