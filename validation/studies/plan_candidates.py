@@ -42,12 +42,19 @@ from slosh_plan import SloshPlanError
 from slosh_plan.joints import Arm
 from slosh_plan.planning.joint_limits import limits_of as joint_limits_of
 from slosh_plan.planning.joint_path import joint_path
-from slosh_plan.planning.known_laws import TimeLaw, leg_durations
+from slosh_plan.planning.known_laws import leg_durations
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path as Route
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan_tray import plan_container
-from slosh_plan.planning.time_law import STEP, JerkLaw, Law, PlannedMotion, motion_along
+from slosh_plan.planning.time_law import (
+    STEP,
+    JerkLaw,
+    Law,
+    PlannedMotion,
+    TimeLaw,
+    motion_along,
+)
 from slosh_plan.tray import limits_of
 
 Array = NDArray[np.float64]

@@ -13,6 +13,7 @@ import pytest
 import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import Log
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Header
@@ -144,6 +145,41 @@ def test_a_callback_that_fails_loses_its_message_and_nothing_else(make_node, cap
     said = capfd.readouterr().err
     assert said.count("words: a message could not be handled: ZeroDivisionError") == 1
     assert "Traceback" not in said
+
+
+def test_options_of_a_log_line_cost_no_message_and_count_for_its_place_alone(make_node, capfd):
+    node = make_node()
+    publisher = node.create_publisher(Header, "words", qos.EVENT)
+    heard = []
+
+    def hear(message):
+        logger = node.get_logger()
+        logger.warning("first, once", once=True)
+        logger.warning("second, once", once=True)
+        logger.warning("always")
+        logger.warning("rarely", throttle_duration_sec=60.0)
+        getattr(logger, "info" if heard else "error")("by turns")
+        heard.append(message)
+        raise ValueError("wrong\nwords")
+
+    node.create_subscription(Header, "words", hear, qos.EVENT)
+    for number in range(3):
+        publisher.publish(Header(stamp=Time(sec=number)))
+    spin_until(node, lambda: node.faults.total == 3)
+    assert len(heard) == 3
+    said = capfd.readouterr().err
+    told = ("first, once", "second, once", "always", "rarely", "by turns", r"wrong\nwords")
+    assert [said.count(words) for words in told] == [1, 1, 3, 1, 3, 1]
+
+
+def test_the_topic_of_log_lines_tells_where_they_were_logged(make_node):
+    node, lines = make_node(), []
+    node.create_subscription(Log, "/rosout", lines.append, qos.EVENT)
+    node.get_logger().warning("here", once=True)
+    spin_until(node, lambda: any(line.msg == "here" for line in lines))
+    (line,) = (line for line in lines if line.msg == "here")
+    assert line.file.endswith("test_node_support.py")
+    assert line.function == "test_the_topic_of_log_lines_tells_where_they_were_logged"
 
 
 def test_a_bad_later_value_is_refused_and_the_old_one_stays(make_node):

@@ -22,7 +22,7 @@ class PlanTuning:
     long_ratio: float = number(1.05, "1", "the ratio from there on")
     coarse: float = number(8e-3, "s", "sampling of motions that are tried first")
     nearly: float = number(0.03, "1", "excess of a limit at which all rows are checked")
-    valley: float = number(1.5, "1", "excess at which durations about the lowest one are tried")
+    valley: float = number(1.5, "1", "slope of an excess between durations, by those nearby")
     longest_law: float = number(120.0, "s", "longest duration that is tried")
     leg_points: int = number(800, "1", "points of a leg at which a law is checked")
     straight: float = number(1e-3, "1", "curvature by length of a straight leg")

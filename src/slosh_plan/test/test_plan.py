@@ -86,6 +86,27 @@ def test_a_covariance_gives_an_interval_that_is_wider_than_the_answer():
     assert residual > answer.found.residual
 
 
+def test_a_covariance_that_moves_the_wave_out_of_step_costs_time():
+    """Tests it by the wave that a motion leaves: |∫ a exp(iωt) dt| of one mode, by quadrature."""
+    limits = replace(LIMITS, residual=0.1 * LIMITS.height)
+    model = replace(CUP, damping_ratio=0.006, natural_frequency=19.0)
+    error = 0.4
+    known = plan(model, path_through(LINE), limits, time_limit=0.0)
+    motion = known.found.motion
+    rates = 19.0 + error * np.array([0.0, -1.0, 1.0])
+    turns = np.exp(1j * np.outer(rates, motion.t))
+    left = np.abs(turns @ motion.acceleration[:, 0])
+    # Two standard errors of the residual height by its difference over as many of the frequency.
+    interval = known.found.residual * (1.0 + abs(left[2] - left[1]) / left[0])
+    assert known.found.residual <= limits.residual < 0.7 * interval
+    covariance = Covariance(("natural_frequency",), ((error**2,),))
+    answer = plan(
+        replace(model, covariance=covariance), path_through(LINE), limits, time_limit=0.0
+    )
+    assert answer.found.motion.duration > 1.01 * known.found.motion.duration
+    assert max(answer.upper[1], answer.found.residual) <= limits.residual
+
+
 @pytest.mark.parametrize(
     "time_limit", [0.0, pytest.param(30.0, marks=needs_casadi)], ids=["known law", "optimal"]
 )

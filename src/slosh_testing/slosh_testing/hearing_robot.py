@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.ready_wait import TELLING
@@ -18,7 +19,7 @@ from slosh_msgs.msg import SloshEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.readiness import READY, RECORDED, STATE
 from slosh_msgs_py.node.run import make_executor
-from slosh_msgs_py.stamps import to_nanoseconds
+from slosh_msgs_py.stamps import to_nanoseconds, to_time
 
 PATIENCE = 60.0
 
@@ -102,6 +103,68 @@ class Graph:
             self.executor.remove_node(node)
             node.destroy_node()
         self.executor.shutdown()
+
+
+class SteppedGraph(Graph):
+    """A test's nodes whose simulated time goes on by whole steps, however busy the machine is.
+
+    The node under test publishes one message at each step of its timer.
+
+    Args:
+        make: creates the node under test.
+        period: of its timer [s].
+        kind, topic: of what it publishes at each step.
+        given: its parameters.
+
+    Attributes:
+        tested: the node under test.
+        now_ns: simulated time [ns].
+        moved: what it has published.
+    """
+
+    def __init__(
+        self, make: Callable[[], Node], period: float, kind: type, topic: str, **given: Any
+    ) -> None:
+        super().__init__(executor=SingleThreadedExecutor())
+        self.now_ns, self._period_ns = 1000 * SECOND, round(period * SECOND)
+        self.tested: Any = self.with_parameters(make, use_sim_time=True, **given)
+        self.moved = self.listen(kind, topic)
+        self._clock = self.publisher(Clock, "/clock")
+        self.go_on(0.0)
+
+    def go_on(self, periods: float = 1.0) -> None:
+        """Lets some periods pass at once."""
+        self.now_ns += round(periods * self._period_ns)
+        clock = self.tested.get_clock()
+
+        def has_gone_on() -> bool:
+            # The same time again changes nothing, and one message may be lost.
+            self._clock.publish(Clock(clock=to_time(self.now_ns)))
+            return bool(clock.now().nanoseconds == self.now_ns)
+
+        self.until(has_gone_on, "the simulated time")
+
+    def step(self, periods: float = 1.0) -> Any:
+        """Lets some periods pass at once; returns what the node publishes then."""
+        count = len(self.moved)
+        self.go_on(periods)
+        self.until(lambda: len(self.moved) > count, "a step")
+        return self.moved[-1]
+
+    def step_until(self, condition: Callable[[], object], most: int = 1000) -> None:
+        """Makes steps until a condition is met; fails after too many."""
+        for _ in range(most):
+            if condition():
+                return
+            self.step()
+        pytest.fail(f"what was awaited did not come in {most} steps")
+
+    def send(self, publisher: Any, message: Any, counted: str) -> None:
+        """Publishes a message and waits until the node under test has counted it."""
+        counts = self.tested._report.counts
+        before = counts[counted]
+        publisher.publish(message)
+        self.until(lambda: counts[counted] > before, f"the {counted}")
 
 
 BEHIND_NS = SECOND // 2

@@ -8,6 +8,7 @@ node counts it, tells it and goes on.
 from __future__ import annotations
 
 import functools
+import os
 import time
 import traceback
 from collections import Counter
@@ -19,7 +20,7 @@ from typing import Any
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.action import ActionServer
 from rclpy.clock import Clock, ClockType
-from rclpy.impl.rcutils_logger import RcutilsLogger
+from rclpy.impl.rcutils_logger import RcutilsLogger, _internal_callers
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
@@ -306,25 +307,20 @@ def _from(source: str, callback: Callback) -> Callback:
 class PlainLogger(RcutilsLogger):
     """A logger that prints every message as one line without control characters.
 
-    One method for each severity: rclpy refuses two severities from one place in the sources.
+    rclpy raises an error where one place in the sources logs with another severity or other
+    options (`once`, `throttle_duration_sec`) than before. Here each combination has a logger.
     """
 
-    def debug(self, message: str, **options: Any) -> bool:
-        """Logs a message at level debug."""
-        return bool(super().debug(plain_line(message), **options))
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._each: dict[tuple[object, ...], RcutilsLogger] = {}
 
-    def info(self, message: str, **options: Any) -> bool:
-        """Logs a message at level info."""
-        return bool(super().info(plain_line(message), **options))
+    def log(self, message: str, severity: int, **options: Any) -> bool:
+        """Logs a message; returns whether no option held it back."""
+        kind = (severity, *sorted(options.items()))
+        logger = self._each.setdefault(kind, RcutilsLogger(self.name))
+        return bool(logger.log(plain_line(message), severity, **options))
 
-    def warning(self, message: str, **options: Any) -> bool:
-        """Logs a message at level warning."""
-        return bool(super().warning(plain_line(message), **options))
 
-    def error(self, message: str, **options: Any) -> bool:
-        """Logs a message at level error."""
-        return bool(super().error(plain_line(message), **options))
-
-    def fatal(self, message: str, **options: Any) -> bool:
-        """Logs a message at level fatal."""
-        return bool(super().fatal(plain_line(message), **options))
+# The place of a message is where it was logged, not here: options such as `once` count places.
+_internal_callers.append(os.path.realpath(__file__))

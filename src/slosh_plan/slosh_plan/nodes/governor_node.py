@@ -163,7 +163,7 @@ class GovernorNode(PreparedNode):
         if self._core is None or self._joints.missing:
             return
         self._silence.heard()
-        self._heading = self._heading.of(message, self._now())
+        self._heading = self._heading.of(message, self.now_ns())
         if self._of_joints is not None:
             command: Command = self._of_joints.command(
                 message, self._names, self._values["values"]

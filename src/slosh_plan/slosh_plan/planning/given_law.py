@@ -10,12 +10,12 @@ from scipy.interpolate import BSpline
 
 from slosh_base.types import Array
 from slosh_plan.planning import optimise
-from slosh_plan.planning.known_laws import TimeLaw, known_laws
+from slosh_plan.planning.known_laws import known_laws
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import never
 from slosh_plan.planning.searched_law import kinematic_law
-from slosh_plan.planning.time_law import STEP, Law, PlannedMotion, motion_along
+from slosh_plan.planning.time_law import Law, TimeLaw
 from slosh_plan.planning.unit_laws import UNIT_LAWS
 
 GIVEN, KINEMATIC = "the waypoints' own times", "the fastest motion without a liquid"
@@ -23,14 +23,8 @@ GIVEN, KINEMATIC = "the waypoints' own times", "the fastest motion without a liq
 
 
 @dataclass(frozen=True, slots=True)
-class GivenLaw:
-    """The time law by the times that were given with a path's points, for any duration.
-
-    Attributes:
-        path: the path, with such times.
-    """
-
-    path: Path
+class GivenLaw(TimeLaw):
+    """The time law by the times that were given with a path's points."""
 
     def durations(self, duration: float) -> tuple[float, ...]:
         """Returns the durations of the legs for a total duration [s]."""
@@ -41,10 +35,6 @@ class GivenLaw:
         """Returns the time laws of the legs for a total duration [s]."""
         each = zip(self.path.given, self.durations(duration), strict=True)
         return [_slowed(spline, float(spline.t[-1]) / time) for spline, time in each]
-
-    def motion(self, duration: float, step: float = STEP) -> PlannedMotion:
-        """Creates the motion with a total duration and a sample interval [s]."""
-        return motion_along(self.path, self.laws(duration), self.durations(duration), step)
 
 
 def _slowed(spline: BSpline, pace: float) -> Law:

@@ -11,9 +11,9 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import islice
+from itertools import islice, pairwise
 from types import MappingProxyType
-from typing import Literal, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
@@ -24,13 +24,7 @@ from slosh_plan.planning.checked import CheckedMotion
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Leg, Path
 from slosh_plan.planning.progress import Watch, never
-from slosh_plan.planning.time_law import (
-    STEP,
-    Law,
-    PlannedMotion,
-    motion_along,
-    whole_rows,
-)
+from slosh_plan.planning.time_law import STEP, Law, PlannedMotion, TimeLaw, whole_rows
 from slosh_plan.planning.unit_laws import UNIT_LAWS, UnitLaw
 from slosh_plan.tuning import TUNING
 
@@ -41,17 +35,15 @@ _TOGETHER = 16
 
 
 @dataclass(frozen=True, slots=True)
-class KnownLaw:
-    """A standard time law on every leg of a path, for any duration.
+class KnownLaw(TimeLaw):
+    """A standard time law on every leg of a path.
 
     Attributes:
-        path: the path.
         unit: the law, from 0 to 1.
         legs: of the path, by the pace at which the law runs along them.
         shares: of the duration for each leg; empty: by the root of their lengths.
     """
 
-    path: Path
     unit: UnitLaw
     legs: tuple[PacedLeg, ...]
     shares: tuple[float, ...] = ()
@@ -66,10 +58,6 @@ class KnownLaw:
         """Returns the time laws of the legs for a total duration [s]."""
         durations = self.durations(duration)
         return [self._law(leg, time) for leg, time in zip(self.legs, durations, strict=True)]
-
-    def motion(self, duration: float, step: float = STEP) -> PlannedMotion:
-        """Creates the motion with a total duration and a sample interval [s]."""
-        return motion_along(self.path, self.laws(duration), self.durations(duration), step)
 
     def _law(self, leg: PacedLeg, duration: float) -> Law:
         def law(t: Array) -> tuple[Array, Array, Array]:
@@ -92,22 +80,6 @@ class Scaled:
     law: str
     known: TimeLaw
     found: CheckedMotion
-
-
-class TimeLaw(Protocol):
-    """A time law along a path, for any duration."""
-
-    def durations(self, duration: float) -> tuple[float, ...]:
-        """Returns the durations of the legs for a total duration [s]."""
-        ...
-
-    def laws(self, duration: float) -> Sequence[Law]:
-        """Returns the time laws of the legs for a total duration [s]."""
-        ...
-
-    def motion(self, duration: float, step: float = STEP) -> PlannedMotion:
-        """Creates the motion with a total duration and a sample interval [s]."""
-        ...
 
 
 class Check(Protocol):
@@ -198,7 +170,7 @@ def fastest(
 
     All durations are simulated with few rows, and those that may keep the limits with all. Where
     the waves of a motion's parts cancel, only a narrow range of durations may be safe: what lies
-    about each lowest excess is looked at more closely.
+    between two is looked at more closely where the excess may fall so far, by its changes nearby.
 
     Args:
         check: tells what a motion does.
@@ -207,66 +179,83 @@ def fastest(
         longest: duration that is not reached [s].
         stopped: whether to end without an answer.
     """
-    least, before = shortest(make, limits), list[tuple[float, float]]()
-    durations = _durations(least, longest)
-    while some := list(islice(durations, _TOGETHER)):
-        glanced = [*before, *zip(some, _glanced(check, make, limits, some), strict=True)]
-        for near in _ranges(glanced, old=len(before), last=len(some) < _TOGETHER):
-            found = _first_kept(check, make, limits, near, stopped)
-            if found is not None:
-                return found
-            if stopped():
-                return None
-        before = glanced[-2:]
-    return None
-
-
-def _ranges(
-    glanced: Sequence[tuple[float, float]], *, old: int, last: bool
-) -> Iterator[list[float]]:
-    """Yields rising ranges of durations [s] in which a motion may keep its limits.
-
-    Args:
-        glanced: durations and what exceeds the limits most.
-        old: how many of them were there before; of the last one no longer one was known.
-        last: whether there are no longer ones.
-    """
-    over = [math.inf, *(excess for _, excess in glanced), math.inf if last else -math.inf]
-    for n, (duration, excess) in enumerate(glanced):
-        begin, end = (glanced[min(max(n + m, 0), len(glanced) - 1)][0] for m in (-1, 1))
-        lowest = excess < TUNING.valley and excess <= min(over[n], over[n + 2])
-        if excess <= TUNING.nearly and n >= old:
-            yield [*_between(begin, duration), duration]
-        elif excess > TUNING.nearly and lowest and n >= old - 1:
-            yield _between(begin, end)
-
-
-def _glanced(
-    check: Check, make: Make, limits: PlanLimits, durations: Sequence[float]
-) -> list[float]:
-    """Returns lower bounds of what exceeds the limits most, for each duration [s]."""
-    coarse = [make(one, one / math.ceil(one / TUNING.coarse)) for one in durations]
-    return [max(found.excess(limits).values()) for found in check.glance(coarse)]
-
-
-def _first_kept(
-    check: Check,
-    make: Make,
-    limits: PlanLimits,
-    durations: Sequence[float],
-    stopped: Callable[[], bool],
-) -> CheckedMotion | None:
-    """Returns the first motion that keeps the limits; None if none does, or it was stopped."""
-    over = _glanced(check, make, limits, durations)
-    for duration, excess in zip(durations, over, strict=True):
-        if excess > TUNING.nearly:
-            continue
-        if stopped():
-            return None
-        (found,) = check([make(duration, STEP)])
-        if found.keeps(limits):
+    trials, done = _Trials(check, make, limits, stopped), 0
+    durations, known = _durations(shortest(make, limits), longest), list[_Glance]()
+    while not stopped():
+        some = list(islice(durations, _TOGETHER))
+        known += trials.glanced(some)
+        last = len(known) - int(len(some) == _TOGETHER)
+        each = (trials.first(known, at) for at in range(done, last))
+        found = next((one for one in each if one is not None), None)
+        if found is not None or len(some) < _TOGETHER:
             return found
+        done = last
     return None
+
+
+class _Glance(NamedTuple):
+    """Duration of a motion [s], and a lower bound of what exceeds a limit most, as its share."""
+
+    duration: float
+    excess: float
+
+
+class _Trials(NamedTuple):
+    """Looks for the shortest safe motion of one law; the parts are those of `fastest`."""
+
+    check: Check
+    make: Make
+    limits: PlanLimits
+    stopped: Callable[[], bool]
+
+    def glanced(self, durations: Sequence[float]) -> list[_Glance]:
+        """Looks at motions with few rows, without uncertainty."""
+        coarse = [self.make(one, one / math.ceil(one / TUNING.coarse)) for one in durations]
+        found = self.check.glance(coarse) if coarse else []
+        excess = (max(one.excess(self.limits).values()) for one in found)
+        return [_Glance(*pair) for pair in zip(durations, excess, strict=True)]
+
+    def first(
+        self, known: Sequence[_Glance], at: int, *, closer: bool = True
+    ) -> CheckedMotion | None:
+        """Returns the first safe motion that is longer than a known one, to the next known one.
+
+        Args:
+            known: glances at rising durations.
+            at: index of the second of the two.
+            closer: whether to look at durations between them, too.
+        """
+        if self.stopped() or _lowest(known, at) > TUNING.nearly:
+            return None
+        near = known[max(at - 1, 0) : at + 1]
+        inner = _between(near[0].duration, near[-1].duration) if closer else []
+        if not inner:
+            return self._kept(known[at])
+        fine = [near[0], *self.glanced(inner), near[-1]]
+        closer = min(one.excess for one in near) > TUNING.nearly
+        each = (self.first(fine, n, closer=closer) for n in range(1, len(fine)))
+        return next((one for one in each if one is not None), None)
+
+    def _kept(self, glance: _Glance) -> CheckedMotion | None:
+        """Returns a motion if it keeps the limits."""
+        if glance.excess > TUNING.nearly:
+            return None
+        (found,) = self.check([self.make(glance.duration, STEP)])
+        return found if found.keeps(self.limits) else None
+
+
+def _lowest(known: Sequence[_Glance], at: int) -> float:
+    """Returns the lowest excess that there may be between a known duration and the one before.
+
+    It changes there at most as steeply as between it and the next ones, with a margin.
+    """
+    if at == 0 or not math.isfinite(max(one.excess for one in known[at - 1 : at + 1])):
+        return min(one.excess for one in known[max(at - 1, 0) : at + 1])
+    near = [one for one in known[max(at - 2, 0) : at + 2] if math.isfinite(one.excess)]
+    slopes = (abs(b.excess - a.excess) / (b.duration - a.duration) for a, b in pairwise(near))
+    before, after = known[at - 1], known[at]
+    fall = TUNING.valley * max(slopes) * (after.duration - before.duration)
+    return 0.5 * (before.excess + after.excess - fall)
 
 
 def _durations(least: float, longest: float) -> Iterator[float]:

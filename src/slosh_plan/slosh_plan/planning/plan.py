@@ -30,19 +30,13 @@ from slosh_plan.planning.checked import (
 )
 from slosh_plan.planning.final_check import Kept, broken
 from slosh_plan.planning.given_law import all_laws, in_words
-from slosh_plan.planning.known_laws import (
-    LONGEST,
-    Check,
-    Scaled,
-    TimeLaw,
-    best_scaled,
-    shortest_by_limit,
-)
+from slosh_plan.planning.known_laws import LONGEST, Check, Scaled, best_scaled, shortest_by_limit
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import StoppedError, Watch
 from slosh_plan.planning.search import Found, OptimalSearch
 from slosh_plan.planning.searched_law import Legs
+from slosh_plan.planning.time_law import TimeLaw
 from slosh_plan.prediction import ModelError, predict
 from slosh_plan.trajectory import Trajectory
 from slosh_plan.validity import validity_words

@@ -21,7 +21,7 @@ from slosh_plan.planning.checked import (
 )
 from slosh_plan.planning.final_check import Kept, broken
 from slosh_plan.planning.given_law import all_laws
-from slosh_plan.planning.known_laws import LONGEST, TimeLaw, best_scaled
+from slosh_plan.planning.known_laws import LONGEST, best_scaled
 from slosh_plan.planning.likely import NEEDED
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
@@ -37,7 +37,7 @@ from slosh_plan.planning.plan import (
 from slosh_plan.planning.progress import Watch
 from slosh_plan.planning.robust import LikelyHeights, likely_use, plan_robust
 from slosh_plan.planning.searched_law import SEARCHED
-from slosh_plan.planning.time_law import PlannedMotion
+from slosh_plan.planning.time_law import PlannedMotion, TimeLaw
 from slosh_plan.prediction import ModelError, Prediction, check_start
 from slosh_plan.start import LiquidStates, state_of
 from slosh_plan.trajectory import Trajectory

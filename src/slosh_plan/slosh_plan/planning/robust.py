@@ -15,7 +15,7 @@ from slosh_model.model import Model
 from slosh_plan.limits import HeightLimits
 from slosh_plan.planning.checked import LooseContainer
 from slosh_plan.planning.final_check import Kept, broken
-from slosh_plan.planning.known_laws import Scaled, TimeLaw
+from slosh_plan.planning.known_laws import Scaled
 from slosh_plan.planning.likely import likely_models
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
@@ -38,7 +38,7 @@ from slosh_plan.planning.region_search import (
     upper_heights,
 )
 from slosh_plan.planning.search import OptimalSearch
-from slosh_plan.planning.time_law import PlannedMotion
+from slosh_plan.planning.time_law import PlannedMotion, TimeLaw
 from slosh_plan.prediction import ModelError
 from slosh_plan.tuning import TUNING
 

@@ -11,12 +11,12 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_model.motion_profiles import quintic
 from slosh_plan.planning.interval import CHAIN
-from slosh_plan.planning.known_laws import KnownLaw, TimeLaw, shortest
+from slosh_plan.planning.known_laws import KnownLaw, shortest
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.optimise import LegGuess, PathSearch
 from slosh_plan.planning.path import Leg, Path
 from slosh_plan.planning.progress import never
-from slosh_plan.planning.time_law import STEP, JerkLaw, PlannedMotion, Tilt, motion_along
+from slosh_plan.planning.time_law import STEP, JerkLaw, PlannedMotion, Tilt, TimeLaw
 from slosh_plan.tuning import TUNING
 
 Legs = tuple[LegGuess, ...]
@@ -27,16 +27,14 @@ Waves = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SearchedLaw:
+class SearchedLaw(TimeLaw):
     """The time law of a search's result, slowed evenly to any duration.
 
     Attributes:
-        path: the path.
         yaw: of the container [rad].
         legs: the result; it need not keep any limit.
     """
 
-    path: Path
     yaw: float
     legs: Legs
 
@@ -59,7 +57,8 @@ class SearchedLaw:
 
     def durations(self, duration: float) -> tuple[float, ...]:
         """Returns the durations of the legs for a total duration [s]."""
-        return tuple(leg.duration * duration / self.duration for leg in self.legs)
+        factor = duration / self.duration
+        return tuple(factor * leg.duration for leg in self.legs)
 
     def laws(self, duration: float) -> list[JerkLaw]:
         """Returns the time laws of the legs for a total duration [s]."""
@@ -71,8 +70,7 @@ class SearchedLaw:
 
     def motion(self, duration: float, step: float = STEP) -> PlannedMotion:
         """Creates the motion with a total duration and a sample interval [s]."""
-        laws = self.laws(duration)
-        motion = motion_along(self.path, laws, [law.duration for law in laws], step)
+        motion = TimeLaw.motion(self, duration, step)
         if self.legs[0].tilts:
             factor = duration / self.duration
             motion = replace(motion, tilt=_tilt_of(self.legs, factor, motion.t, self.yaw))

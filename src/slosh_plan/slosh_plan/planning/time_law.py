@@ -8,6 +8,7 @@ every moment.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -137,6 +138,29 @@ def motion_along(
     speed[0] = speed[-1] = 0.0
     joints = gathered(parts) if parts else None
     return PlannedMotion(t, position, acceleration, speed, joints=joints)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TimeLaw(ABC):
+    """A time law along a path, for any duration.
+
+    Attributes:
+        path: the path.
+    """
+
+    path: Path
+
+    @abstractmethod
+    def durations(self, duration: float) -> tuple[float, ...]:
+        """Returns the durations of the legs for a total duration [s]."""
+
+    @abstractmethod
+    def laws(self, duration: float) -> Sequence[Law]:
+        """Returns the time laws of the legs for a total duration [s]."""
+
+    def motion(self, duration: float, step: float = STEP) -> PlannedMotion:
+        """Creates the motion with a total duration and a sample interval [s]."""
+        return motion_along(self.path, self.laws(duration), self.durations(duration), step)
 
 
 def whole_rows(duration: float) -> float:
