@@ -42,7 +42,8 @@ def _waves(model: Model, found: MotionMap) -> Markup:
     with style("waves"):
         figure = canvas(SIZE)
         axes: Any = figure.add_subplot()
-        axes.plot(speeds, np.minimum(1e3 * np.array(known), 2.0 * top), color=LINEAR)
+        axes.plot(speeds, np.minimum(1e3 * np.array(known), 2.0 * top), color=LINEAR,
+                  linestyle=(0, (4, 2)))  # fmt: skip
         axes.plot(speeds, [1e3 * row.found.residual for row in found.rows], color=INK)
         axes.plot(speeds, [1e3 * row.found.peak for row in found.rows], color=NONLINEAR)
         axes.plot(*zip(*((s, 1e3 * one.peak) for s, one in found.checked), strict=True), ".",

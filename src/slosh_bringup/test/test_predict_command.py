@@ -1,5 +1,6 @@
 """Tests `slosh predict`: output, exit codes and errors."""
 
+import html
 import json
 import math
 from pathlib import Path
@@ -84,6 +85,28 @@ def test_motions_are_shown_side_by_side_in_words(capsys, tmp_path):
     assert shown.count("<svg") == 4
     assert main(["predict", MODEL, fast, "--plot", str(tmp_path / "a.jpg")]) == 2
     assert "must end in .png or .svg" in capsys.readouterr().err
+
+
+def test_the_page_has_the_remarks_of_the_table(capsys, tmp_path):
+    fast, page = line(tmp_path / "fast.csv", 0.5), tmp_path / "fast.html"
+    code, (facts,) = answers(capsys, fast, "--limit", "0.01", "--page", str(page))
+    assert code == 1
+    assert main(["predict", MODEL, fast, "--limit", "0.01"]) == 1
+    table = capsys.readouterr().out
+    assert any("above the limit" in remark for remark in facts["remarks"])
+    assert any("beyond" in remark or "lost" in remark for remark in facts["remarks"])
+    for remark in facts["remarks"]:
+        assert remark in table
+        assert remark in html.unescape(page.read_text())
+
+
+def test_the_page_tells_what_is_doubtful_in_the_input(capsys, tmp_path):
+    path, page = tmp_path / "in_g.csv", tmp_path / "in_g.html"
+    rows = [f"{0.01 * n:.2f},0,0,1" for n in range(101)]
+    path.write_text("\n".join(["t,ax,ay,az", *rows]) + "\n")
+    main(["predict", MODEL, str(path), "--page", str(page)])
+    (warning,) = capsys.readouterr().err.splitlines()[:1]
+    assert warning.rpartition("in_g.csv: ")[2] in html.unescape(page.read_text())
 
 
 def test_no_limit_left_is_no_safe_scale(capsys, tmp_path):

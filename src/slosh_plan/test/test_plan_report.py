@@ -58,10 +58,22 @@ def test_what_exceeds_a_limit_is_told(report):
 
 
 def test_waypoints_whose_times_tell_no_motion_are_noted():
+    report = report_of(times=(0.0, 1e-4, 2e-4, 3e-4))
+    assert report.proposal is None
+    assert any("The waypoints’ own times are not shown" in note for note in report.notes)
+    assert "The waypoints’ own times are not shown" in render_plan(report)
+
+
+def test_a_line_between_two_points_has_no_own_motion_to_be_noted():
     report = report_of(times=(0.0, 1.0), points=POINTS[[0, 3]])
     assert report.proposal is None
-    assert any("2 poses do not determine the acceleration" in note for note in report.notes)
-    assert "2 poses do not determine the acceleration" in render_plan(report)
+    assert not any("own times" in note for note in report.notes)
+
+
+def test_remarks_on_the_motion_are_on_the_page(report):
+    waypoints = Waypoints(np.array([0.0, 0.2, 0.4, 0.6]), POINTS, None)
+    page = render_plan(make_report(UNSURE, report.plan, waypoints, remarks=["planarity lost"]))
+    assert "Remarks: planarity lost." in page
 
 
 @pytest.mark.long

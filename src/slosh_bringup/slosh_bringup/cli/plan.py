@@ -168,9 +168,9 @@ def run(arguments: argparse.Namespace) -> int:
         return EXIT_NONE
     answer = planned.plan
     felt = model_for(planned.one.placed, limits, answer.path)
-    write_results(arguments, felt, answer, asked)
-    borne = frequency_tolerance(felt, answer.found.motion, answer.limits, attitude)
     remarks = remarks_of(planned, limits)
+    write_results(arguments, felt, answer, asked, remarks)
+    borne = frequency_tolerance(felt, answer.found.motion, answer.limits, attitude)
     print(
         json.dumps(facts(planned, borne) | {"remarks": remarks})
         if arguments.json
@@ -213,7 +213,11 @@ def model_error(arguments: argparse.Namespace, model: str) -> ModelError | None:
 
 
 def write_results(
-    arguments: argparse.Namespace, model: Model, answer: Plan, asked: AskedPath
+    arguments: argparse.Namespace,
+    model: Model,
+    answer: Plan,
+    asked: AskedPath,
+    remarks: Sequence[str],
 ) -> None:
     """Writes the requested motion file and HTML page: both, or neither if one fails."""
     with ExitStack() as stack:
@@ -224,7 +228,7 @@ def write_results(
             from slosh_plan.plan_report.page import render_plan
 
             subtitle = f"{asked.name} with {arguments.model} ({model.name})"
-            report = make_report(model, answer, asked.waypoints, subtitle)
+            report = make_report(model, answer, asked.waypoints, subtitle, remarks)
             folder = stack.enter_context(new_folder(arguments.report))
             write_text(folder / PAGE, render_plan(report))
             write_text(folder / DOCUMENT, plan_json(report))

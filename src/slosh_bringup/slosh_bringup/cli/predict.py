@@ -7,7 +7,7 @@ import csv
 import json
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -180,9 +180,10 @@ def run(arguments: argparse.Namespace) -> int:
                 progress(motion.name, (place + 1) / len(motions))
     if arguments.output is not None:
         write_table(arguments.output, found, scales)
-    write_shown(arguments, model, motions, found, scales)
+    of_tray = each if tray.is_tray else None
+    write_shown(arguments, model, motions, found, list(_facts(found, scales, of_tray)))
     show = as_json if arguments.json else as_text
-    print(show(found, scales, each if tray.is_tray else None))
+    print(show(found, scales, of_tray))
     kept = all(one.of_worst.kept and one.stands for one in each)
     return tell.exit_code if kept else EXIT_EXCEEDED
 
@@ -218,7 +219,7 @@ def write_shown(
     model: Model,
     motions: Sequence[Trajectory],
     found: Sequence[Prediction],
-    scales: Sequence[SafeScales | None],
+    facts: Sequence[Mapping[str, Any]],
 ) -> None:
     """Writes the picture and the HTML page of the predicted motions, as far as requested."""
     if arguments.plot is None and arguments.page is None:
@@ -230,7 +231,8 @@ def write_shown(
     if arguments.plot is not None:
         write_picture(arguments.plot, shown)
     if arguments.page is not None:
-        write_text(arguments.page, render_page(plain(list(_facts(found, scales))), shown))
+        doubts = [trajectory_doubts(motion, model) for motion in motions]
+        write_text(arguments.page, render_page(plain(list(facts)), shown, doubts))
 
 
 def write_table(
@@ -253,7 +255,7 @@ def as_json(
 
     Of a tray they are of the worst container, whose name and the peaks of all they hold, too.
     """
-    facts = list(_facts(found, scales))
+    facts = list(_facts(found, scales, tray))
     for row, each in zip(facts, tray or (), strict=False):
         peaks = {name: one.nonlinear.peak for name, one in each.containers.items()}
         loose = {name: use._asdict() for name, use in each.standing.items()}
@@ -269,7 +271,7 @@ def as_text(
     """Formats the predictions as a text table; of a tray, the container nearest to its limit."""
     rows = [list(HEADING)]
     for place, (one, scale) in enumerate(zip(found, scales, strict=True)):
-        remarks = [*_of_tray(tray[place])] if tray else []
+        of_tray = tray[place] if tray else None
         answer = one.nonlinear
         rows.append(
             [
@@ -282,7 +284,7 @@ def as_text(
                 f"{1e3 * answer.residual:.1f}",
                 f"{answer.settling_time:.1f}",
                 _safe_from(one, scale),
-                "; ".join([*remarks, *_remarks(one, scale)]) or "-",
+                "; ".join(_remarks(one, scale, of_tray)) or "-",
             ]
         )
     return "\n".join(aligned(rows, "<>>>>>>>><"))
@@ -309,7 +311,11 @@ def _interval(one: Prediction) -> str:
     return f"{peak} ({1e3 * one.lower:.1f} … {1e3 * one.upper:.1f})"
 
 
-def _remarks(one: Prediction, scale: SafeScales | None) -> Iterator[str]:
+def _remarks(
+    one: Prediction, scale: SafeScales | None, of_tray: TrayPrediction | None
+) -> Iterator[str]:
+    if of_tray is not None:
+        yield from _of_tray(of_tray)
     if math.isfinite(one.distance_to_rim):
         yield rim_words(one.distance_to_rim).removeprefix(", ")
     if one.unresolved == math.inf:
@@ -336,9 +342,11 @@ def _safe_from(one: Prediction, scale: SafeScales | None) -> str:
 
 
 def _facts(
-    found: Sequence[Prediction], scales: Sequence[SafeScales | None]
+    found: Sequence[Prediction],
+    scales: Sequence[SafeScales | None],
+    tray: Sequence[TrayPrediction] | None = None,
 ) -> Iterator[dict[str, Any]]:
-    for one, scale in zip(found, scales, strict=True):
+    for one, scale, of_tray in zip(found, scales, tray or [None] * len(found), strict=True):
         linear, nonlinear = one.linear, one.nonlinear
         yield {
             "trajectory": plain_line(one.name),
@@ -363,4 +371,5 @@ def _facts(
             "time_scale": math.nan if scale is None else scale.safe_from,
             "safe_scales": [] if scale is None else [list(pair) for pair in scale.intervals],
             "proven": scale is not None and scale.proven,
+            "remarks": list(_remarks(one, scale, of_tray)),
         }

@@ -143,20 +143,31 @@ def draw_acceleration(axes: Any, one: PredictedProfile, colours: Palette, top: f
     axes.set_ylim(0.0, top)
 
 
-def render_page(facts: Sequence[Mapping[str, Any]], shown: Sequence[PredictedProfile]) -> str:
+def render_page(
+    facts: Sequence[Mapping[str, Any]],
+    shown: Sequence[PredictedProfile],
+    doubts: Sequence[Sequence[str]],
+) -> str:
     """Renders the HTML page of predicted motions; all texts in it are escaped.
 
     Args:
         facts: of all motions, as `slosh predict --json` gives them.
         shown: those that are drawn, the first ones.
+        doubts: of all motions, what casts doubt on each as an input.
     """
     headline = f"{len(facts)} predicted motions"
     if any(one.answer.limits.given for one in shown):
         kept = sum(bool(row["kept"]) for row in facts)
         headline = f"{kept} of {len(facts)} motions within their limits"
+    noted = [
+        (row["trajectory"], "; ".join([*row["remarks"], *own]))
+        for row, own in zip(facts, doubts, strict=True)
+        if row["remarks"] or own
+    ]
     template = make_environment("slosh_bringup.predict").get_template("predict.html.j2")
     return template.render(
         facts=facts,
+        noted=noted,
         headline=headline,
         shown=shown,
         charts=[_charts(one, number, *scales(shown)) for number, one in enumerate(shown)],

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.interpolate import CubicSpline
 
@@ -21,7 +23,13 @@ from slosh_plan.trajectory import Trajectory
 PLANNED, PROPOSAL = "planned", "the waypoints’ own times"
 
 
-def make_report(model: Model, plan: Plan, waypoints: Waypoints, subtitle: str = "") -> PlanReport:
+def make_report(
+    model: Model,
+    plan: Plan,
+    waypoints: Waypoints,
+    subtitle: str = "",
+    remarks: Sequence[str] = (),
+) -> PlanReport:
     """Creates the content of the HTML page about a plan.
 
     Args:
@@ -29,8 +37,10 @@ def make_report(model: Model, plan: Plan, waypoints: Waypoints, subtitle: str = 
         plan: the plan.
         waypoints: the path as it was given.
         subtitle: where model and path come from.
+        remarks: limits of validity that the motion exceeds.
     """
-    notes = [] if plan.method == "optimal" else [f"No optimal time law: {plan.reason}."]
+    notes = [f"Remarks: {', '.join(remarks)}."] if remarks else []
+    notes += [] if plan.method == "optimal" else [f"No optimal time law: {plan.reason}."]
     proposal = None
     try:
         if plan.found.motion.joints is not None:
@@ -38,7 +48,8 @@ def make_report(model: Model, plan: Plan, waypoints: Waypoints, subtitle: str = 
         motion = proposed_motion(waypoints)
         proposal = ShownMotion(PROPOSAL, checked(model, [motion], waypoints.attitude)[0])
     except SloshPlanError as error:
-        notes.append(f"The waypoints’ own times are not shown: {error}.")
+        if len(waypoints.position) > 2:  # two points alone are a line, nobody's motion
+            notes.append(f"The waypoints’ own times are not shown: {error}.")
     return PlanReport(
         plan=plan,
         model=model.name,
