@@ -10,22 +10,27 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slosh_camera.calibrate.curves import view_at
 from slosh_camera.calibrate.edges import EdgeImage
 from slosh_camera.calibrate.fit import PlaceFit
-from slosh_camera.calibrate.pose import CameraPlace
 from slosh_camera.calibrate.strip import (
+    Strip,
     lasting_changes,
     level_like,
     own_lines,
     rear_above,
+    steps_along,
+    unevenness_below,
     unrolled,
     walls_below,
 )
 from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.cup import CupView
+
+BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,44 +112,56 @@ def levels_of(edges: EdgeImage, fit: PlaceFit) -> LevelLines:
     return LevelLines(own, level(best) if rivals else None, float(np.min(going_on[here])))
 
 
-def check_parting(edges: EdgeImage, view: CupView, place: CameraPlace) -> None:
-    """Raises an error if another line parts two colours more than the level of a pose does.
+def check_line(edges: EdgeImage, view: CupView) -> None:
+    """Raises an error unless the line of a pose is the liquid's level, and no other line may be.
 
-    A ring, a scale and foam can be clearer lines than the level of a pale liquid, but what is
-    above and below them looks the same. The sides must show above the line, and below it to the
-    floor.
+    Liquid begins at its level: the colour changes there once, all along the line, and what is
+    below is even. A printed ring has one colour above and below; foam is uneven.
 
     Args:
         edges: the image, without distortion.
         view: of the pose, upright.
-        place: of the camera.
 
     Raises:
-        SloshCameraError: one does; the text gives its height.
+        SloshCameraError: the line is a ring's or foam's, or another line is more like a level; the
+            text says which, and asks for a click.
     """
     cup, radius = view.cup, view.cup.radius
-    ends, apart = TUNING.ends * radius, TUNING.rival_apart * radius
     top = cup.rim_level if cup.rim_level is not None else cup.fill_height + 2.0 * radius
     strip = unrolled(edges, view, -cup.fill_height - radius, top)
-    heights = strip.heights
-    change = np.nan_to_num(lasting_changes(strip, cup, place), posinf=0.0)
-    rear = rear_above(cup, place, 0.0)
-    here = np.abs(heights) <= TUNING.parting_slack * radius
-    elsewhere = (heights < min(rear, 0.0) - apart) | (heights > max(rear, 0.0) + apart)
-    elsewhere &= (heights > ends - cup.fill_height) & (heights < top - ends)
-    elsewhere &= own_lines(edges, view, strip) >= TUNING.parting_line
-    for depth in (TUNING.least_glass_height * radius, cup.fill_height):
-        elsewhere &= walls_below(edges, view, heights, 0.0, depth) >= TUNING.may_be_walled
-    low, high = (share * radius for share in TUNING.glass)
-    above = walls_below(edges, view, heights, -high, high - low)
-    elsewhere &= above >= TUNING.may_be_walled
-    most = np.where(elsewhere, change, 0.0)
-    other = int(np.argmax(most))
-    own = float(np.max(change, initial=0.0, where=here))
-    if most[other] > max(TUNING.parts_more * own, TUNING.full_step):
-        side = "above" if heights[other] > 0.0 else "below"
-        raise SloshCameraError(
-            f"still image: two levels are possible, {abs(1e3 * heights[other]):.0f} mm apart: the "
-            f"other is {side} the best fit and parts two colours more; printed rings, seams and "
-            "foam look like a level; click on the still level's contact line: --level U V"
+    heights, step = strip.heights, steps_along(strip, radius)
+    middle = int(np.argmin(np.abs(heights)))
+    if np.max(step[max(middle - 1, 0) : middle + 2]) < TUNING.least_step:
+        raise asked("the line that fits best has one colour above and below, as a ring has")
+    if unevenness_below(strip, radius) > TUNING.uneven:
+        raise asked("what is below the line that fits best is uneven, as foam is")
+    evidence = own_lines(edges, view, strip) * step
+    here = np.abs(heights) <= TUNING.line_slack * radius
+    possible = ~here & _may_be_level(edges, view, strip, top)
+    found = np.where(possible, evidence, 0.0)
+    other = int(np.argmax(found))
+    if found[other] > TUNING.better * float(np.max(evidence[here])):
+        apart = (
+            f"{abs(1e3 * heights[other]):.0f} mm {'above' if heights[other] > 0.0 else 'below'}"
         )
+        raise asked(f"a line {apart} the best fit parts two colours more")
+
+
+def _may_be_level(edges: EdgeImage, view: CupView, strip: Strip, top: float) -> BoolArray:
+    """Returns at which heights (N,) the sides show above and below as a level's do."""
+    cup, radius, heights = view.cup, view.cup.radius, strip.heights
+    ends = TUNING.ends * radius
+    possible = (heights > ends - cup.fill_height) & (heights < top - ends)
+    low, high = (share * radius for share in TUNING.glass)
+    shortest = TUNING.least_glass_height * radius
+    for start, depth in ((0.0, shortest), (0.0, cup.fill_height), (-high, high - low)):
+        possible &= walls_below(edges, view, heights, start, depth) >= TUNING.may_be_walled
+    return possible
+
+
+def asked(what: str) -> SloshCameraError:
+    """Returns the error that asks for a click on the level, for a reason."""
+    return SloshCameraError(
+        f"still image: the level is in doubt: {what}; printed rings, seams and foam look like a "
+        "level; click on the still level's contact line: --level U V"
+    )

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from slosh_camera.calibrate.curves import (
     AZIMUTH,
+    Curve,
     distances,
     look_for_curves,
     view_at,
@@ -18,7 +19,7 @@ from slosh_camera.calibrate.curves import (
 from slosh_camera.calibrate.doubt import KNOWN, QUANTITIES, GivenDeviations, GivenView
 from slosh_camera.calibrate.edges import EdgeImage, edge_image
 from slosh_camera.calibrate.fit import NO_HINT, Hint, PlaceFit, fit_place
-from slosh_camera.calibrate.level import check_parting, levels_of
+from slosh_camera.calibrate.level import asked, check_line, levels_of
 from slosh_camera.calibrate.outline import find_outline
 from slosh_camera.calibrate.pose import CameraPlace, place_of
 from slosh_camera.calibrate.refusals import (
@@ -129,11 +130,15 @@ def _by_outline(task: _Task) -> StillFit | None:
 
 
 def _check_level(task: _Task, answer: StillFit) -> None:
-    """Raises SloshCameraError if another line of the image may be the level of a pose."""
+    """Raises SloshCameraError unless the line of a pose, and no other, may be the level."""
+    shares = {curve.name: curve.share for curve in answer.curves}
+    unseen = shares.get(Curve.REAR.value, 1.0) < TUNING.least_rear
+    if unseen and not shares.get(Curve.BASE.value, 0.0) >= TUNING.least_share:
+        raise asked("neither the rear line nor the floor is where the best fit has them")
     small = _smaller(task, _shrink(task.camera))
     place, _ = place_of(answer.view.pose)
     cup = answer.view.cup
-    check_parting(edge_image(small.image), view_at(small.camera, cup, place), place)
+    check_line(edge_image(small.image), view_at(small.camera, cup, place))
 
 
 def _sound(fit: PlaceFit | None, task: _Task) -> StillFit | None:

@@ -24,6 +24,10 @@ _SECTORS, _COLUMNS = 5, 5
 # The colours compared lie so far above and below a line, in radii: the change is at the line, and
 # it lasts.
 _WINDOWS = ((0.06, 0.2), (0.15, 0.7))
+# The same for the steps along a line: each pair clears a ring or a meniscus of another thickness.
+_NEAR_WINDOWS = ((0.03, 0.08), (0.06, 0.12), (0.09, 0.16), (0.12, 0.25))
+# Where liquid shows below its meniscus, in radii from the level.
+_BELOW = (0.05, 0.2)
 _MOST_ROWS = 3000
 # Where a line that goes on beside the container is looked for, in outer radii from the axis: an
 # edge of a table behind it.
@@ -71,8 +75,44 @@ def lines_across(edges: EdgeImage, strip: Strip) -> FloatArray:
     support = np.asarray(
         cv2.dilate(support, np.ones((2 * TUNING.strip_slack + 1, 1), np.uint8)), np.float32
     )
-    sectors = support.reshape(len(support), _SECTORS, _COLUMNS).mean(axis=2)
+    return _of_weakest(support.reshape(len(support), _SECTORS, _COLUMNS).mean(axis=2))
+
+
+def _of_weakest(sectors: Float32Array) -> FloatArray:
+    """Returns the mean (N,) of the two sectors of (N, _SECTORS) where the value is smallest."""
     return np.asarray(np.sort(sectors, axis=1)[:, :2].mean(axis=1), np.float64)
+
+
+def steps_along(strip: Strip, radius: float) -> FloatArray:
+    """Returns the colour change (N,) at each height itself, all along the wall [grey levels].
+
+    Unlike `lasting_changes` it is that of the front contact line alone, and the smallest near the
+    line and away from it, so that a ring that lies close to a level has none.
+    """
+    size = float(strip.heights[1] - strip.heights[0])
+    index = np.arange(strip.heights.size)
+    least = np.full(index.size, np.inf)
+    for window in _NEAR_WINDOWS:
+        near = max(round(window[0] * radius / size), 1)
+        far = max(round(window[1] * radius / size), near + 1)
+        middles = _row_medians(strip.colours, far - near + 1)
+        above = middles[np.minimum(index + near, index.size - 1)]
+        step = middles[np.maximum(index - far, 0)] - above
+        sectors = np.median(step.reshape(index.size, _SECTORS, _COLUMNS, -1), axis=2)
+        change = np.abs(np.nan_to_num(sectors)).max(axis=2)
+        least = np.minimum(least, _of_weakest(change))
+    return least
+
+
+def unevenness_below(strip: Strip, radius: float) -> float:
+    """Returns how much neighbouring columns just below height 0 differ [grey levels]."""
+    low, high = (-share * radius for share in reversed(_BELOW))
+    colours = strip.colours[(strip.heights > low) & (strip.heights < high)]
+    if not colours.size:
+        return 0.0
+    bend = colours[:, 1:-1] - 0.5 * (colours[:, :-2] + colours[:, 2:])
+    rows = np.median(np.abs(np.nan_to_num(bend)).max(axis=2), axis=1)
+    return float(np.median(rows))
 
 
 def own_lines(edges: EdgeImage, view: CupView, strip: Strip) -> FloatArray:
@@ -147,17 +187,22 @@ def _change(colours: Float32Array, rear: FloatArray, near: int, far: int) -> Flo
         near: where the rows begin whose median is taken, from either line.
         far: where they end.
     """
-    count = far - near + 1
-    middles = np.full(colours.shape, np.nan, np.float32)
-    if len(colours) >= count:
-        rows = np.lib.stride_tricks.sliding_window_view(colours, count, axis=0)
-        middles[: len(rows)] = np.median(rows, axis=-1)
+    middles = _row_medians(colours, far - near + 1)
     index = np.arange(len(colours))
     above = index + rear.astype(int) + near
     known = (above < len(colours)) & (index >= far)
     step = middles[np.maximum(index - far, 0)] - middles[np.minimum(above, len(colours) - 1)]
     change = np.max(np.abs(np.median(step, axis=1)), axis=1)
     return np.where(known, np.nan_to_num(change), 0.0)
+
+
+def _row_medians(colours: Float32Array, count: int) -> Float32Array:
+    """Returns the medians of so many rows from each row on; NaN where there are fewer."""
+    middles = np.full(colours.shape, np.nan, np.float32)
+    if len(colours) >= count:
+        rows = np.lib.stride_tricks.sliding_window_view(colours, count, axis=0)
+        middles[: len(rows)] = np.median(rows, axis=-1)
+    return middles
 
 
 def rear_above(cup: Cup, place: CameraPlace, height: FloatOrArray) -> FloatOrArray:

@@ -13,7 +13,8 @@ class CalibrateTuning:
     """Assumptions of the pose estimation about edges, containers and images.
 
     Outline, level and strip were set on every second of a set of photographs of graduated
-    cylinders, the others on rendered still images of even number by
+    cylinders, `line_slack` to `better` on drawn glasses of even number by
+    `validation/studies/printed_levels.py`, the others on rendered still images of even number by
     `validation/studies/calibration_accuracy.py`. The unit "radius" is the container's; "strength"
     is that of the clearest line.
     """
@@ -53,9 +54,11 @@ class CalibrateTuning:
     least_level: float = number(0.25, "1", "least strength of a level")
     shows: float = number(0.6, "1", "least strength of a line that shows partly")
     ends: float = number(0.3, "radius", "distance from rim and floor of another level")
-    parting_line: float = number(0.28, "1", "least part of a line that parts two colours")
-    parting_slack: float = number(0.04, "radius", "largest error of the level's place")
-    parts_more: float = number(1.03, "1", "ratio of a greater change of colour")
+    line_slack: float = number(0.04, "radius", "largest error of the level's place")
+    least_step: float = number(2.5, "grey", "change of colour along the whole level")
+    uneven: float = number(5.0, "grey", "difference of columns below a level without foam")
+    least_rear: float = number(0.3, "1", "least part of the rear line where it should be")
+    better: float = number(1.5, "1", "strength of another line that is more like a level")
     # lines.py
     most_lean: float = number(0.36, "px/row", "largest lean of a line against the columns")
     lean_error: float = number(0.15, "px/row", "largest lean of an edge against its line")
