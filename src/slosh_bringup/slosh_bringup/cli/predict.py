@@ -346,7 +346,8 @@ def _facts(
     scales: Sequence[SafeScales | None],
     tray: Sequence[TrayPrediction] | None = None,
 ) -> Iterator[dict[str, Any]]:
-    for one, scale, of_tray in zip(found, scales, tray or [None] * len(found), strict=True):
+    trays: Sequence[TrayPrediction | None] = tray or [None] * len(found)
+    for one, scale, of_tray in zip(found, scales, trays, strict=True):
         linear, nonlinear = one.linear, one.nonlinear
         yield {
             "trajectory": plain_line(one.name),
