@@ -202,6 +202,10 @@ class BrokerClient(ABC):
             try:
                 await self._connect()
             except (MqttError, OSError) as error:
+                task = asyncio.current_task()
+                if task is not None and task.cancelling():
+                    # The broker went, or was too slow, while the last words were sent.
+                    raise asyncio.CancelledError from error
                 self._problem = reason_of(error)
                 if "timed out" in self._problem and own.authority and own.identity is None:
                     # With TLS 1.3 a broker refuses a client only after the client's handshake.
