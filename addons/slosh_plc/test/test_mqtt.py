@@ -3,6 +3,7 @@
 import asyncio
 import dataclasses
 import json
+import threading
 
 import pytest
 
@@ -48,6 +49,16 @@ def is_lost(told):
 
 def publisher(port, cell=CELL, **given):
     return MqttPublisher(MqttSettings(cell, "127.0.0.1", port, **given))
+
+
+def test_a_broker_that_hangs_does_not_hold_up_the_end(new_broker, tmp_path, monkeypatch):
+    monkeypatch.setattr("slosh_plc.server.TUNING", dataclasses.replace(TUNING, starting=20.0))
+    cell = ServedCell()
+    with new_broker(tmp_path, free_port()) as broker:
+        with cell.serve(publisher(broker.port)):
+            hear(broker, is_good)
+            broker.pause()
+        assert "plc servers" not in [thread.name for thread in threading.enumerate()]
 
 
 def test_a_late_reader_finds_the_state_with_units_and_qualities(new_broker, tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import time
@@ -66,6 +67,10 @@ class Broker:
             except OSError:
                 assert time.monotonic() < deadline, "the broker did not start"
                 time.sleep(0.02)
+
+    def pause(self) -> None:
+        """Stops the process: connections stay, and nobody answers."""
+        self._process.send_signal(signal.SIGSTOP)
 
     def __exit__(self, *_: object) -> None:
         self._process.kill()
