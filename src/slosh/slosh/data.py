@@ -91,9 +91,9 @@ class Recording(BagReader):
     >>> import slosh
     >>> recording = slosh.Recording("bags/c3")
     >>> recording
-    Recording(c3: 7 topics, 10871 messages)
+    Recording(c3: 18 topics, 13265 messages)
     >>> print(recording.to_pandas("free_surface")["msh"].max(), "m")
-    0.024504484137129995 m
+    0.0241433008975276 m
     """
 
     def __repr__(self) -> str:

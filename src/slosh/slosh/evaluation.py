@@ -28,7 +28,7 @@ def replay(
 
     >>> import slosh
     >>> slosh.replay("bags/c3")
-    ReplayResult(c3: 546 images, 9.2 s, 3D-NL MAE 0.14 mm, 4 events, 4609 of 4609 bit for bit)
+    ReplayResult(c3: 553 images, 9.2 s, 3D-NL MAE 0.10 mm, 4 events, 4609 of 4609 bit for bit)
 
     Args:
         recording: a Recording or its path.

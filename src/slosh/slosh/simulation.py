@@ -143,7 +143,7 @@ def plan(
     >>> import slosh
     >>> path = [[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]]  # m
     >>> slosh.plan("cup/model.yaml", path, limit=0.01)  # doctest: +ELLIPSIS
-    Plan(0.75... s, optimal law, height 9.9... of 10 mm, afterwards 4... of 5 mm)
+    Plan(0.75... s, optimal time law, height 9.9... of 10 mm, afterwards 4... of 5 mm)
 
     Args:
         model: a Model or the path of a `model.yaml`.

@@ -96,7 +96,7 @@ class BagReader:
     >>> from slosh_bag import BagReader
     >>> reader = BagReader("bags/c3")
     >>> sum(1 for _ in reader.messages({"/slosh/free_surface"}))
-    546
+    553
 
     Args:
         path: folder or file; a text may be a URL of fsspec, such as s3://bucket/bag.

@@ -245,7 +245,7 @@ def test_bad_input_is_one_line(capsys, tmp_path, still, intrinsics):
         ([still, *camera, *end, "--board", "chess"], "board: 'chess' is not charuco:"),
         ([still, *camera, *end, "--board", "aruco:2x2:0.03:0.01"], "board: 0 corners of it"),
         ([still, *camera, *end, "--board-place", *"000000"], "--board-place: needs --board"),
-        ([still, *camera, *end, "--picture", tmp_path / "x.txt"], "x.txt: pictures are written"),
+        ([still, *camera, *end, "--picture", tmp_path / "x.txt"], "x.txt: a picture must end in"),
         ([still, *camera, *CONTAINER, "-o", tmp_path / "no" / "c.yaml"], "there is no folder"),
     ):
         assert part in complaint(capsys, "calibrate", *words)
