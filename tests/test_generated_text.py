@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from slosh_bringup.cli.main import all_commands
-from slosh_bringup.processes import NODES
+from slosh_bringup.processes import known_nodes
 from slosh_model.effects.registry import EFFECTS
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -41,7 +41,7 @@ def test_all_commands_nodes_and_effects_are_in_the_pages():
     assert all(f"<br>`{kind} " in commands for kind in ("antisloshing", "table", "rosbag"))
     assert TOOL.PAGES.keys() <= all_commands().keys()
     interfaces = (DOCS / "interfaces.md").read_text(encoding="utf-8")
-    assert re.findall(r"^### `(\w+)`$", interfaces, re.M) == sorted(NODES)
+    assert re.findall(r"^### `(\w+)`$", interfaces, re.M) == sorted(known_nodes())
     line = r"- `max_gap` \(`0.05`\): .+ \[s\]; 0.001 … 1; dynamic"
     assert re.search(line, interfaces)
     index = (DOCS / "effects" / "index.md").read_text(encoding="utf-8")

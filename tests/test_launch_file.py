@@ -8,7 +8,7 @@ import pytest
 
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.launched_cell import LaunchedCell
-from slosh_bringup.processes import LONGEST_PAUSE, NODES
+from slosh_bringup.processes import LONGEST_PAUSE, known_nodes
 from slosh_testing.launch_stand_in import Launch, Node, ParameterValue, read_launch_file
 
 FORCE = __file__
@@ -56,7 +56,7 @@ def test_the_default_cell(described, tmp_path):
     assert nodes["monitor"][1] == {}
     for name, (node, _) in nodes.items():
         assert isinstance(node, Node)
-        assert node.package == NODES[name].partition(".")[0]
+        assert node.package == known_nodes()[name].partition(".")[0]
         assert node.namespace == "/slosh"
         assert node.parameters[0].endswith("config/cell.yaml")
 

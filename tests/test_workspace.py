@@ -16,7 +16,7 @@ import pytest
 import yaml
 from ament_index_python.packages import get_package_prefix
 
-from slosh_bringup.processes import NODES
+from slosh_bringup.processes import known_nodes
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = sorted(path.parent for path in ROOT.glob("*/slosh*/package.xml"))
@@ -187,7 +187,7 @@ def test_programs_take_python_from_path(package):
 
 def test_every_node_is_a_program_of_its_package():
     """The launch file and `ros2 run` start it by its name."""
-    for node, module in NODES.items():
+    for node, module in known_nodes().items():
         package = next(one for one in PYTHON if one.name == module.partition(".")[0])
         assert scripts(package)[node] == module
 
@@ -196,7 +196,7 @@ def test_the_parameter_file_states_the_defaults():
     """So a file that sets two parameters changes two, and no other comes to lie elsewhere."""
     text = (ROOT / "src/slosh_bringup/config/cell.yaml").read_text()
     for node, content in yaml.safe_load(text)["/**"].items():
-        specs = importlib.import_module(NODES[node]).PARAMETERS
+        specs = importlib.import_module(known_nodes()[node]).PARAMETERS
         defaults = {spec.name: spec.default for spec in specs}
         stated = content["ros__parameters"]
         assert stated == {name: defaults[name] for name in stated}

@@ -15,7 +15,7 @@ from pathlib import Path
 import effect_pages
 
 from slosh_bringup.cli.main import all_groups, build_parser
-from slosh_bringup.processes import NODES
+from slosh_bringup.processes import known_nodes
 from slosh_model.effects.registry import EFFECTS
 from slosh_msgs_py.node.parameters import ParameterSpec
 
@@ -121,7 +121,7 @@ def _kinds(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser
 def parameters() -> str:
     """Lists the parameters of each node, from their declarations."""
     parts = []
-    for name, module in sorted(NODES.items()):
+    for name, module in sorted(known_nodes().items()):
         specs = importlib.import_module(module).PARAMETERS
         lines = "\n".join(map(line, specs))
         parts.append(f"### `{name}`\n\n{lines}\n")

@@ -11,14 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from slosh_bag.bag_writer import BagWriter
-from slosh_bag.reader import BagReader
-from slosh_bag.recover import NotedDefinitions
 from slosh_bringup.cli.main import main
 from slosh_bringup.many_files import KILLED, map_files
 from slosh_fleet.motions.motion_row import COLUMNS, MotionRow
 from slosh_fleet.motions.motions import motions_of
 from slosh_fleet.motions.store import FleetStore
+from slosh_testing.bags import copied
 
 BAGS = Path(__file__).parents[3] / "bags"
 DAY_NS = 86_400 * 10**9
@@ -152,12 +150,7 @@ def test_the_page_shows_trends_shifts_and_the_worst_motions(months, tmp_path, ca
 @needs_duckdb
 def test_a_page_without_an_observer_says_so(tmp_path):
     store, page = tmp_path / "store", tmp_path / "page.html"
-    reader, bag = BagReader(BAGS / "l"), tmp_path / "bag"
-    with BagWriter(bag, NotedDefinitions(reader.types)) as writer:
-        for message in reader.messages():
-            if not message.topic.endswith("/fused_estimate"):
-                writer.add_topic(message.topic, message.message_type)
-                writer.write(message.topic, message.data, message.log_ns)
+    bag = copied(BAGS / "l", tmp_path / "bag", lambda m: not m.topic.endswith("/fused_estimate"))
     main(["ingest", str(bag), "--store", str(store)])
     assert main(["query", "--store", str(store), "--page", str(page)]) == 0
     assert "natural frequency [rad/s]: not known of any motion" in page.read_text()

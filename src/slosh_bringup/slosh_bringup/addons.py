@@ -45,7 +45,7 @@ def add_ons() -> tuple[AddOn, ...]:
 
     One that cannot be imported is left out, with a line on standard error.
     """
-    from importlib.metadata import entry_points  # costs as much as all that `slosh --help` does
+    from importlib.metadata import entry_points  # most commands do without
 
     points = {point.name: point for point in entry_points(group=GROUP)}
     found = []

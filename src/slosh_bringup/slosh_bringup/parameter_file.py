@@ -17,7 +17,7 @@ from slosh_base.files.errors import SloshFileError
 from slosh_base.files.nearest import nearest
 from slosh_base.files.yaml_document import FLOAT_TAG, INT_TAG, brief, read_yaml, shown
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.processes import NODES, kind_of
+from slosh_bringup.processes import kind_of, known_nodes, module_of
 
 LEAF = "ros__parameters"
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
@@ -46,13 +46,14 @@ def check_parameter_file(path: Path, namespace: str, further: Collection[str] = 
     Args:
         path: the file.
         namespace: of the nodes.
-        further: names of nodes beside NODES, such as camera_left.
+        further: names of nodes beside `known_nodes`, such as camera_left.
 
     Raises:
         SloshBringupError: no such file, no parameter file, a node or a parameter that nobody has,
             or one that is given elsewhere; one line.
     """
-    nodes = {f"{namespace.rstrip('/')}/{name}": kind_of(name) for name in (*NODES, *further)}
+    names = (*known_nodes(), *further)
+    nodes = {f"{namespace.rstrip('/')}/{name}": kind_of(name) for name in names}
     for line, pattern, parameter in _entries(path):
         reached = [name for full, name in nodes.items() if _fits(pattern, full)]
         if not reached:
@@ -75,7 +76,7 @@ def check_parameter_file(path: Path, namespace: str, further: Collection[str] = 
 
 def parameter_names(node: str) -> set[str]:
     """Returns the names of the parameters that a node declares."""
-    specs = importlib.import_module(NODES[node]).PARAMETERS
+    specs = importlib.import_module(module_of(node)).PARAMETERS
     return {*OF_EVERY_NODE, *(spec.name for spec in specs)}
 
 

@@ -15,6 +15,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -26,8 +27,8 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_msgs_py.node.lifeline import Lifelines
 from slosh_msgs_py.node.network import network_environment
 
-# Node name -> module with its main().
-NODES: Mapping[str, str] = {
+# Node name -> module with its main(); add-ons bring more, see `known_nodes`.
+_OF_CORE = {
     "cell": "slosh_bringup.nodes.cell_node",
     "camera": "slosh_camera.nodes.camera_node",
     "estimator": "slosh_estimator.nodes.estimator_node",
@@ -41,7 +42,6 @@ NODES: Mapping[str, str] = {
     "recorder": "slosh_bag.nodes.recorder_node",
     "sensor": "slosh_estimator.nodes.sensor_node",
     "watch": "slosh_bringup.nodes.watch_node",
-    **{node: module for add_on in add_ons() for node, module in add_on.nodes.items()},
 }
 # Those that end by themselves.
 ENDING = ("cell", "player")
@@ -64,7 +64,7 @@ class NodeProcess:
     """Settings with which one node process is started.
 
     Attributes:
-        name: the ROS node's name: one of NODES, or such as camera_left; see `kind_of`.
+        name: the ROS node's name: one of `known_nodes`, or such as camera_left; see `kind_of`.
         parameter_files: ROS parameter files, later ones win.
         parameters: single parameters, which win over the files.
         remappings: relative topic name -> the robot's topic.
@@ -88,9 +88,18 @@ class NodeProcess:
         return words
 
 
+@cache
+def known_nodes() -> Mapping[str, str]:
+    """Returns the modules of all nodes by name, with those of add-ons.
+
+    Add-ons are looked for in the files of all installed packages, so not when this is imported.
+    """
+    return _OF_CORE | {name: module for one in add_ons() for name, module in one.nodes.items()}
+
+
 def kind_of(name: str) -> str:
-    """Returns a node's type in NODES; the camera node of container `left` is `camera_left`."""
-    return name if name in NODES else name.partition("_")[0]
+    """Returns a node's type in `known_nodes`; that of `camera_left` is `camera`."""
+    return name if name in known_nodes() else name.partition("_")[0]
 
 
 def module_of(name: str) -> str:
@@ -100,9 +109,9 @@ def module_of(name: str) -> str:
         SloshBringupError: no installed package has it.
     """
     kind = kind_of(name)
-    if kind not in NODES:
+    if kind not in known_nodes():
         raise SloshBringupError(f"{name}: no installed package or add-on has this node")
-    return NODES[kind]
+    return known_nodes()[kind]
 
 
 def _quoted(value: str) -> str:

@@ -4,7 +4,7 @@ import os
 import subprocess
 import sys
 
-from slosh_bringup.processes import NODES
+from slosh_bringup.processes import known_nodes
 
 HELLO = """
 from slosh_bringup.addons import AddOn, Command
@@ -47,7 +47,7 @@ def test_an_installed_package_brings_a_command_and_a_node(tmp_path):
     done = slosh(tmp_path, "hello", "--name", "milk")
     assert (done.returncode, done.stdout, done.stderr) == (1, "hello milk\n", "")
     assert "  hello " in slosh(tmp_path, "--help").stdout
-    assert "hi" not in NODES
+    assert "hi" not in known_nodes()
     assert "governor, hi, markers" in slosh(tmp_path, "node", "--help").stdout
 
 

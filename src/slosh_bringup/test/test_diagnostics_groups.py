@@ -5,7 +5,7 @@ import re
 import pytest
 import yaml
 
-from slosh_bringup.processes import NODES, config_folder
+from slosh_bringup.processes import config_folder, known_nodes
 
 (PARAMETERS,) = (
     content["ros__parameters"]
@@ -24,7 +24,7 @@ def groups_of(name):
 
 
 @pytest.mark.parametrize("namespace", ["/slosh", "/line_1/cell", "/camera/monitor", ""])
-@pytest.mark.parametrize("node", [*NODES, "camera_left"])
+@pytest.mark.parametrize("node", [*known_nodes(), "camera_left"])
 def test_each_node_is_in_one_group(node, namespace):
     assert len(groups_of(f"{namespace}/{node}")) == 1
 

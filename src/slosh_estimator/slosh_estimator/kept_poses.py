@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from slosh_estimator.rotation import Vector
 from slosh_metrics.input_checks.message_checks import Leap
 from slosh_metrics.tuning import TUNING
 
@@ -35,12 +34,6 @@ class KeptPoses:
     def newest_ns(self) -> int:
         """Stamp of the newest pose [ns]."""
         return int(self._all_stamps[self._size - 1])
-
-    @property
-    def newest_position(self) -> Vector:
-        """Position of the newest pose [m]."""
-        x, y, z = self._all_values[self._size - 1, :3].tolist()
-        return x, y, z
 
     def changes(self) -> list[Leap]:
         """Returns the last changes from pose to pose, TUNING.leap_before of them at most."""

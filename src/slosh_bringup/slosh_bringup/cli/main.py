@@ -164,7 +164,7 @@ def build_parser(chosen: str | None) -> argparse.ArgumentParser:
     )
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=SloshParser)
     of_core = {name: text for group in GROUPS.values() for name, text in group.items()}
-    # Add-ons are looked for where one may be meant: finding them takes longer than all the rest.
+    # Add-ons are looked for only where one may be meant: that reads files of all packages.
     for name, summary in (of_core if chosen in of_core else all_commands()).items():
         subparser = subparsers.add_parser(name, help=summary, description=summary)
         if name == chosen:

@@ -7,15 +7,14 @@ from pathlib import Path
 
 from slosh_bringup.cli.node_process import run_until_stopped
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.processes import NODES, NodeProcess
+from slosh_bringup.processes import NodeProcess, known_nodes
 from slosh_msgs_py.topics import NAMESPACE
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `slosh node` to the argument parser."""
-    parser.add_argument(
-        "name", choices=sorted(NODES), metavar="NAME", help=f"one of {', '.join(sorted(NODES))}"
-    )
+    names = sorted(known_nodes())
+    parser.add_argument("name", choices=names, metavar="NAME", help=f"one of {', '.join(names)}")
     parser.add_argument(
         "-p", action="append", default=[], dest="assigned", metavar="NAME:=VALUE",
         help="a parameter, such as model:=model.yaml; may be repeated",

@@ -17,7 +17,7 @@ import numpy as np
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.cell_watch import SILENT, NodeReport
-from slosh_bringup.processes import NODES
+from slosh_bringup.processes import known_nodes
 from slosh_bringup.watch.verdict import SILENCE, judge
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.containers import Container
@@ -216,7 +216,7 @@ class WatchState:
 
     def take_report(self, report: NodeReport, now: float) -> None:
         """Stores a node's diagnostics; the number of unknown nodes is limited."""
-        known = report.node in self._nodes or report.node in NODES
+        known = report.node in self._nodes or report.node in known_nodes()
         if not known and len(self._nodes) >= MOST_NODES:
             return
         self._nodes[report.node] = (report, now)

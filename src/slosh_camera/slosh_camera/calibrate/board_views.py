@@ -199,26 +199,26 @@ def _solve(
 ) -> tuple[Array, Array, Array, Array]:  # fmt: skip
     """Returns matrix, coefficients, standard errors (4,) and each view's rms error [px]."""
     matrix, coefficients = start or (np.eye(3), np.zeros(COEFFICIENTS[lens]))
-    guess = 0 if start is None else cv2.CALIB_USE_INTRINSIC_GUESS
-    points = [view.points.astype(np.float32).reshape(-1, 1, 3) for view in views]
-    pixels = [view.pixels.astype(np.float32).reshape(-1, 1, 2) for view in views]
     found: Any
     try:
         if lens == EQUIDISTANT:
-            fisheye_guess = _HOME.CALIB_USE_INTRINSIC_GUESS if guess else 0
+            guess = 0 if start is None else _HOME.CALIB_USE_INTRINSIC_GUESS
             found = cv2.fisheye.calibrate(
                 [view.points.reshape(1, -1, 3) for view in views],
                 [view.pixels.reshape(1, -1, 2) for view in views],
                 size, matrix.copy(), coefficients.reshape(4, 1).copy(),
-                flags=_FISHEYE | fisheye_guess,
+                flags=_FISHEYE | guess,
                 criteria=(cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-9),
             )  # fmt: skip
             stddev, errors = np.zeros(4), _fisheye_errors(views, *found[1:])
         else:
-            flags = guess | _MODEL.get(lens, cv2.CALIB_RATIONAL_MODEL)
+            guess = 0 if start is None else cv2.CALIB_USE_INTRINSIC_GUESS
             found = cv2.calibrateCameraExtended(
-                points, pixels, size, matrix.copy(), coefficients.copy(), flags=flags
-            )
+                [view.points.astype(np.float32).reshape(-1, 1, 3) for view in views],
+                [view.pixels.astype(np.float32).reshape(-1, 1, 2) for view in views],
+                size, matrix.copy(), coefficients.copy(),
+                flags=guess | _MODEL.get(lens, cv2.CALIB_RATIONAL_MODEL),
+            )  # fmt: skip
             stddev, errors = found[5].ravel()[:4], found[7].ravel()
     except cv2.error as error:
         raise SloshCameraError(
