@@ -27,7 +27,7 @@ REAL_TIME = "tests/real_time/"
 
 # `make test` tries the same few examples in every run: what passed for a change passes again.
 # `make test-all` looks for new ones.
-settings.register_profile("same", max_examples=40, derandomize=True, deadline=None, database=None)
+settings.register_profile("same", max_examples=20, derandomize=True, deadline=None, database=None)
 settings.register_profile("search", deadline=None)
 settings.load_profile("same")
 

@@ -202,7 +202,7 @@ def test_an_accelerometer_beside_the_container(tmp_path: Path, domain: int) -> N
     check(found, tmp_path, share=0.05)
 
 
-@pytest.mark.parametrize("part", ["twist", "pose"])
+@pytest.mark.parametrize("part", [pytest.param("twist", marks=pytest.mark.long), "pose"])
 def test_odometry(tmp_path: Path, domain: int, part: str) -> None:
     with cell(tmp_path, domain, input="odometry", odometry=part) as robot:
 

@@ -9,6 +9,7 @@ import pytest
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.launched_cell import LaunchedCell
 from slosh_bringup.processes import LONGEST_PAUSE, known_nodes
+from slosh_msgs_py.node.dead_ports import DeadPorts
 from slosh_testing.launch_stand_in import Launch, Node, ParameterValue, read_launch_file
 
 FORCE = __file__
@@ -140,13 +141,18 @@ def ended(cell, name, code, times):
 
 def test_a_node_that_ends_again_and_again_is_started_later_each_time(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
+    closed = []
+    monkeypatch.setattr(DeadPorts, "look", lambda self, **given: closed.append(given))
     cell = LaunchedCell({}, NOW, print)
     first, *others = ended(cell, "estimator", -9, [0.0, 2.0, 5.0, 12.0, 25.0, 45.0])
     assert [first.delay, *(one.delay for one in others)] == [1, 2, 4, 8, 16, LONGEST_PAUSE]
     assert first.process.parameters["starts_at_rest"] == "false"
     assert first.text == "node estimator ended with exit code -9; it is restarted in 1 s"
     assert cell.ended("estimator", -9, 1000.0).delay == 1.0
+    killed = len(closed)
+    assert closed == [{"close": True}] * 7
     assert cell.ended("monitor", 1, 1000.0).delay == 1.0
+    assert len(closed) == killed  # it has closed them itself
 
 
 def test_a_recorder_that_is_started_again_leaves_what_is_recorded(monkeypatch, tmp_path):

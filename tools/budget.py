@@ -90,18 +90,20 @@ def _users(root: Path, folders: list[Path]) -> Mapping[str, set[str]]:
     found: dict[str, set[str]] = defaultdict(set)
     for folder in folders:
         for path in (folder / folder.name).rglob("*.py"):
-            own, tree = _module(folder, path), ast.parse(path.read_text("utf-8"))
-            late = {
-                id(inner)
-                for node in ast.walk(tree)
-                if isinstance(node, ast.FunctionDef)
-                for inner in ast.walk(node)
-            }
-            for node in ast.walk(tree):
-                of = {own, f"{own} late"} if id(node) in late else {own}
-                for name in _imported(node):
-                    found[name] |= of
+            own = _module(folder, path)
+            for name, late in _imports(ast.parse(path.read_text("utf-8")), late=False):
+                found[name] |= {own, f"{own} late"} if late else {own}
     return found
+
+
+def _imports(node: ast.AST, *, late: bool) -> Iterator[tuple[str, bool]]:
+    """Yields the names that statements import, each with whether a function does."""
+    for inner in ast.iter_child_nodes(node):
+        if isinstance(inner, ast.stmt):
+            yield from ((name, late) for name in _imported(inner))
+            yield from _imports(inner, late=late or isinstance(inner, ast.FunctionDef))
+        elif isinstance(inner, ast.excepthandler | ast.match_case):
+            yield from _imports(inner, late=late)
 
 
 def _imported(node: ast.AST) -> list[str]:

@@ -38,11 +38,11 @@ def served():
         yield cell, own.url
 
 
-def ask(url, *questions, login=None):
+def ask(url, *questions, login=None, timeout=20):
     """Answers to questions, each a coroutine function of a connected client."""
 
     async def session():
-        client = Client(url, timeout=20)
+        client = Client(url, timeout=timeout)
         if login is not None:
             await login(client)
         async with client:
@@ -283,8 +283,9 @@ def test_clients_without_trust_are_refused_and_counted(secured, files):
     assert server.health().is_good == was_good  # whoever knocks does not make the cell unhealthy
     with pytest.raises((ua.UaError, OSError)):
         ask(url, told("calm"))  # no certificate at all
+    signed = as_client(files, "friend", ua.MessageSecurityMode.Sign)
     with pytest.raises((ua.UaError, OSError)):  # signed only, and readable by all
-        ask(url, told("calm"), login=as_client(files, "friend", ua.MessageSecurityMode.Sign))
+        ask(url, told("calm"), login=signed, timeout=4)  # it waits for an answer
 
 
 def test_an_expired_client_is_refused_although_it_is_trusted(files, tmp_path):

@@ -42,6 +42,7 @@ from slosh_bringup.watch import PORT
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_estimator.inputs import JOINTS
 from slosh_model.tray import read_tray
+from slosh_msgs_py.node.dead_ports import DeadPorts
 from slosh_msgs_py.topics import COMMANDING, DRIVING
 
 SETTLED = 60.0
@@ -127,6 +128,7 @@ class LaunchedCell:
     ) -> None:
         self._given = {one.name: given.get(one.name) or one.default for one in ARGUMENTS}
         self._ends: dict[str, list[float]] = {}
+        self._dead_ports = DeadPorts()
         wanted = {"camera": self._flag("camera"), LAST: self._flag("record")}
         self._absent = [name for name, there in wanted.items() if not there]
         setup = self._setup()
@@ -170,6 +172,8 @@ class LaunchedCell:
                 f"node {name} refuses its parameters or files (exit code {code}); see its last "
                 "line above. All nodes are stopped"
             )
+        if code < 0:  # killed: what still writes to it would wait for its answer
+            self._dead_ports.look(close=True)
         ends = self._ends.setdefault(name, [])
         ends.append(now)
         delay = pause(sum(now - at < SETTLED for at in ends))

@@ -65,14 +65,14 @@ def test_a_board_is_printed_without_pictures(tmp_path, suffix, begin):
 )
 def test_a_board_is_printed_to_scale(tmp_path, board, corners):
     path = tmp_path / "sheet.png"
-    board_sheet(board).savefig(path, dpi=254)  # ten pixels a millimetre
+    board_sheet(board).savefig(path, dpi=127)  # five pixels a millimetre
     places, pixels = corners_of(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE), board)
     assert len(places) == corners
-    turn = np.column_stack((1e4 * places[:, :2], np.ones(corners)))
+    turn = np.column_stack((5e3 * places[:, :2], np.ones(corners)))
     found, *_ = np.linalg.lstsq(turn, pixels, rcond=None)
     # OpenCV may take a chessboard for one that is turned by half a turn.
     assert np.abs(np.abs(found[:2]) - np.eye(2)).max() < 2e-3
-    assert np.abs(turn @ found - pixels).max() < 1.5
+    assert np.abs(turn @ found - pixels).max() < 1.0
 
 
 def test_a_board_that_no_sheet_holds_is_refused():

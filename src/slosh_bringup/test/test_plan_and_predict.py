@@ -58,7 +58,7 @@ def folder(tmp_path):
         pytest.param("bare", (), (), "8", id="searched", marks=needs_casadi),
         pytest.param("bare", ("--max-tilt", "8"), (), "8", id="tilt", marks=[needs_casadi, long]),
         pytest.param("doubtful", ("--robust",), (), "2", id="robust", marks=[needs_casadi, long]),
-        pytest.param("tray", (), (), "3", id="tray"),
+        pytest.param("tray", (), (), "0", id="tray"),
         pytest.param("tray", (), ERROR, "3", id="tray and error", marks=long),
     ],
 )

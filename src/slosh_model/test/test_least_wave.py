@@ -65,6 +65,7 @@ def test_waves_start_in_the_phase_from_which_they_grow_highest():
     np.testing.assert_array_equal(along_y[0], along_x[0, [1, 0, 3, 2]])
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize("seed", range(12))
 def test_no_wave_that_becomes_visible_is_passed_over(seed):
     """Tests the bound by which motions are passed over against Mathieu's equation."""

@@ -50,7 +50,7 @@ def test_random_strokes_keep_the_limit_and_wait_long_enough(model):
     nonlinear, rng = model.nonlinear(), np.random.default_rng(5)
     found = gantry_limits(model, LIMITS)
     t = np.arange(0.0, 4.0 + found.wait, 2e-3)
-    for _ in range(12):
+    for _ in range(6):
         hold, coast = rng.uniform(0.02, 0.8), rng.uniform(0.0, 1.5)
         pulse = np.where(t < hold, 1.0, np.where(t < hold + coast, 0.0, -1.0))
         end = 2.0 * hold + coast

@@ -297,15 +297,13 @@ def test_limits_are_read_from_parameter_files_and_with_units_of_angles(text):
         parse_joint_limits(text.format("elbow: {max_velocity: !degrees fast}"))
 
 
-def test_shares_of_moveit_count_unless_others_are_asked_for(arm, tmp_path):
+def test_shares_of_moveit_count_unless_others_are_asked_for(tmp_path):
     file = tmp_path / "joint_limits.yaml"
     file.write_text(LIMITS_FILE)
     shares = read_joint_limits(file).shares
     assert shares == {"velocity": 0.1, "acceleration": 0.5}
     kept = LIMITS.with_shares(shares, None, 0.8)
     assert (kept.joint_velocity, kept.joint_acceleration) == (0.1, 0.8)
-    path = joint_path(arm, limits_of(arm, NAMES, GIVEN), LEVEL)
-    assert 0.09 < plan(CUP, path, kept).found.joints["joint_velocity"] <= 0.1 * (1 + 1e-6)
 
 
 @pytest.mark.parametrize(

@@ -97,6 +97,7 @@ def test_it_keeps_the_limits_for_parameters_that_it_has_not_seen(doubtful):
     )
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not optimise.available(), reason="no CasADi (requirements/plan.txt)")
 def test_the_planners_service_plans_robustly_for_one_container(doubtful):
     model, watch = doubtful(), Watch()

@@ -244,7 +244,7 @@ def test_where_no_plan_keeps_all_a_slower_law_does():
     assert 0.0095 < answer.plan.found.peak <= 0.01
 
 
-@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("seed", [pytest.param(2, marks=pytest.mark.long), 3])
 def test_no_known_law_that_all_containers_keep_is_faster(seed):
     random = np.random.default_rng(seed)
     cups = []

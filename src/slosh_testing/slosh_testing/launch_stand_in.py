@@ -149,9 +149,19 @@ class Launch:
             process.send_signal(signal.SIGINT)
         codes = {}
         for name, (node, process) in [*self.nodes.items()]:
-            codes[name] = process.wait(node.sigterm_timeout + PATIENCE)
+            codes[name] = self._ended(process, node.sigterm_timeout)
         self._look()
         return codes
+
+    @staticmethod
+    def _ended(process, timeout):
+        """Waits for a node to end; one that hangs is terminated, then killed, as launch does."""
+        for send in (process.terminate, process.kill):
+            try:
+                return process.wait(timeout)
+            except subprocess.TimeoutExpired:
+                send()
+        return process.wait()
 
     def _look(self):
         now = time.monotonic()
