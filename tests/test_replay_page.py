@@ -8,7 +8,7 @@ from headless_browser import View
 
 from slosh_bringup.cli.main import main
 from slosh_testing.live_bag import TEXT, LiveBag
-from slosh_testing.pages import at
+from slosh_testing.reports import at
 
 LOOK = """
 const all = (selector) => [...document.querySelectorAll(selector)];

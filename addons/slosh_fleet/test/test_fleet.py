@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.errors import SloshBagError
 from slosh_bag.held_folder import HeldFolder
-from slosh_fleet.motions.ingest import ingest
+from slosh_fleet.ingest_command import ingest
 from slosh_fleet.motions.motion_row import COLUMNS, MotionRow
 from slosh_fleet.motions.motions import motions_of
 from slosh_fleet.motions.query import MotionTable, query
@@ -355,7 +355,7 @@ def test_without_duckdb_the_line_says_how_to_get_it(tmp_path, monkeypatch):
 KILLED_AT = """
 import os, signal, sys
 from pathlib import Path
-from slosh_fleet.motions.ingest import ingest
+from slosh_fleet.ingest_command import ingest
 from slosh_fleet.motions.store import NOTES, FleetStore
 
 left, replace = int(sys.argv[3]), os.replace
@@ -393,7 +393,7 @@ def test_a_bag_is_read_again_only_when_it_has_changed(tmp_path, monkeypatch):
     store = FleetStore(str(tmp_path / "store"))
     assert ingest(bag, store) == (1, 1, False)
     with monkeypatch.context() as patch:
-        patch.setattr("slosh_fleet.motions.ingest.motions_of", lambda _: pytest.fail("is read"))
+        patch.setattr("slosh_fleet.ingest_command.motions_of", lambda _: pytest.fail("is read"))
         assert ingest(bag, store) == (1, 0, True)
     (file,) = bag.glob("*.mcap")
     os.utime(file, ns=(0, file.stat().st_mtime_ns + 1))

@@ -195,13 +195,13 @@ def test_an_interrupted_ingest_goes_on_with_the_rest(tmp_path, capsys, monkeypat
         read.append(path.name)
         return motions_of(path)
 
-    monkeypatch.setattr("slosh_fleet.motions.ingest.motions_of", reads)
+    monkeypatch.setattr("slosh_fleet.ingest_command.motions_of", reads)
     assert main(line) not in (0, 2)
     assert read == ["l", "l3"]
     capsys.readouterr()
     read.clear()
     monkeypatch.setattr(
-        "slosh_fleet.motions.ingest.motions_of",
+        "slosh_fleet.ingest_command.motions_of",
         lambda path: read.append(path.name) or motions_of(path),
     )
     assert main(line) == 0

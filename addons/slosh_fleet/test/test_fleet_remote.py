@@ -12,7 +12,7 @@ from sensor_msgs.msg import CompressedImage
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.remote_path import BLOCK, RemotePath, bag_path
 from slosh_bag.reader import BagReader
-from slosh_fleet.motions.ingest import ingest
+from slosh_fleet.ingest_command import ingest
 from slosh_fleet.motions.motions import motions_of
 from slosh_fleet.motions.store import FleetStore
 from slosh_testing.observed_bag import observed

@@ -1,4 +1,4 @@
-from slosh_bag.nodes.arrivals import LogTimes
+from slosh_bag.nodes.recorder_node import LogTimes
 
 S = 1_000_000_000
 START = 1_800_000_000 * S

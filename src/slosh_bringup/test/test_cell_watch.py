@@ -5,7 +5,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from slosh_bringup.cell_watch import ERROR, OK, SILENT, STALE, WARN, CellWatch, NodeReport, reports
 from slosh_bringup.cli import live
-from slosh_bringup.live.other_cells import OtherCells
+from slosh_bringup.live.run import OtherCells
 from slosh_bringup.live.watch import CellStatus
 from slosh_msgs_py.node.rivals import FORGOTTEN
 

@@ -8,8 +8,7 @@ from rclpy.node import Node
 
 from slosh_bringup.cell_watch import CellWatch, NodeReport
 from slosh_bringup.live.deafness import AGAIN, CERTAIN, TRIAL, Deafness
-from slosh_bringup.live.other_cells import OtherCells
-from slosh_bringup.live.run import Supervision
+from slosh_bringup.live.run import OtherCells, Supervision
 from slosh_bringup.nodes.cell_listener import CellListener
 from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
 from slosh_msgs.msg import SloshEstimate

@@ -19,7 +19,7 @@ from slosh_model.model_text import parse_model, read_model
 from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
 from slosh_testing.commands import complaint
 from slosh_testing.example_finding import FOUND, example_finding, example_inputs, example_motion
-from slosh_testing.pages import grey_png
+from slosh_testing.reports import grey_png
 
 MODEL = str(config_folder() / "model.yaml")
 BAGS = Path(__file__).parents[3] / "bags"

@@ -8,8 +8,7 @@ import time
 
 import pytest
 
-from slosh_bringup.live.other_cells import OtherCells
-from slosh_bringup.live.run import HANGS, Supervision
+from slosh_bringup.live.run import HANGS, OtherCells, Supervision
 from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment, restarted
 
 

@@ -16,8 +16,7 @@ from slosh_discovery.discovery_report import (
 )
 from slosh_report.page.frame import Frame
 from slosh_testing.example_finding import example_finding, example_report
-from slosh_testing.pages import A4, LOOK, EveryPage, check_numbers, grey_png, on_paper
-from slosh_testing.reports import evil
+from slosh_testing.reports import A4, LOOK, EveryPage, check_numbers, evil, grey_png, on_paper
 
 pytestmark = pytest.mark.long
 

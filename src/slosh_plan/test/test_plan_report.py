@@ -15,7 +15,7 @@ from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import plan
 from slosh_plan.planning.waypoints import Waypoints
-from slosh_testing.pages import LOOK, at
+from slosh_testing.reports import LOOK, at
 
 CUP = replace(Model(Cylinder(0.05, 0.07)).spatial().nonlinear(), natural_frequency=19.0)
 UNSURE = replace(CUP, covariance=Covariance(("natural_frequency",), ((0.01,),)))

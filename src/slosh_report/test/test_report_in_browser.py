@@ -9,7 +9,7 @@ import pytest
 from headless_browser import View
 
 from slosh_report.run_report import render_report, report_document
-from slosh_testing.pages import A4, LOOK, EveryPage, at, check_numbers, on_paper
+from slosh_testing.reports import A4, LOOK, EveryPage, at, check_numbers, on_paper
 
 
 class Listener:

@@ -14,7 +14,7 @@ from typing import Any
 
 from slosh_bag.mcap_files.bag_folder import files_of
 from slosh_bag.reader import bag_files
-from slosh_base.files import check_apart, check_outside
+from slosh_base.files import check_apart, check_outside, write_text
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.bag_work import add_work_options, named_error, work_of
 from slosh_bringup.cli.input_options import add_input_options, wanted_input
@@ -24,7 +24,6 @@ from slosh_bringup.cli.progress import item_progress
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.finished_work import FinishedWork
 from slosh_bringup.many_files import ItemOutcome, map_files
-from slosh_bringup.replay.index import check_index, write_index
 from slosh_bringup.replay.junit import Case, Suite, write_junit
 from slosh_bringup.replay.task import (
     PAGES,
@@ -38,7 +37,69 @@ from slosh_model.model_text import read_model
 from slosh_replay.manifest import NAME, Expectation, read_manifest, write_manifest
 from slosh_replay.replay.checking import RECORDED
 from slosh_replay.replay.result import Judged, ModelAccuracy
+from slosh_report.index_page import MARK, IndexRow, render_index
+from slosh_report.run_report import RunVerdict
 from slosh_report.text_table import aligned
+
+INDEX = "index.html"
+_HEAD = 4096
+"""Bytes at a page's beginning in which its mark stands."""
+
+
+def check_index(folder: Path, tasks: Sequence[Task]) -> None:
+    """Raises an error if the index would overwrite a page that is not an index.
+
+    Raises:
+        SloshBringupError: one would be, an earlier one or a bag's of this replay.
+    """
+    if any(task.name == Path(INDEX).stem for task in tasks):
+        raise SloshBringupError(
+            f"{folder / INDEX}: would be the page of a bag and of all bags; rename the bag"
+        )
+    page = folder / INDEX
+    if page.exists() and not _is_index(page):
+        raise SloshBringupError(f"{page}: is not an index of replays; choose another folder (-o)")
+
+
+def write_index(folder: Path, outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
+    """Writes the index page FOLDER/index.html with a row per bag.
+
+    Raises:
+        OSError: it cannot be written; it bears the path.
+    """
+    page = render_index("Replayed bags", [_index_row(each) for each in outcomes])
+    write_text(folder / INDEX, page)
+
+
+def _is_index(page: Path) -> bool:
+    if not page.is_file():
+        return False
+    with page.open("rb") as file:
+        return MARK.encode() in file.read(_HEAD)
+
+
+def _index_row(outcome: ItemOutcome[Task, Replayed]) -> IndexRow:
+    item = outcome.value
+    if item is None:
+        return IndexRow(outcome.item.name, None, reason=outcome.error)
+    row, checked = item.headline, item.checked
+    verdict = RunVerdict.NO_EXPECTATION
+    if checked is not None:
+        verdict = RunVerdict.PASSED if checked.passed else RunVerdict.FAILED
+    return IndexRow(
+        item.name,
+        verdict,
+        model=row.name if row else "",
+        sigma=row.sigma if row else math.nan,
+        epsilon=row.epsilon if row else math.nan,
+        peak=item.peak,
+        images=item.counts["images"],
+        events=item.counts["events"],
+        dropped=item.counts["dropped"],
+        estimates=item.estimates,
+        reason=next(iter(checked.failures), "") if checked else "",
+    )
+
 
 DONE, FAILED, WRONG_INPUT = 0, 1, 2
 HEADS = ("bag", "images", "dropped", "events", "estimates", "verdict")

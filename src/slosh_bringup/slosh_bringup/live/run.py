@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import time
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -14,7 +15,6 @@ from slosh_bringup.cell_watch import SILENT
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import CellSetup
 from slosh_bringup.live.deafness import Deafness
-from slosh_bringup.live.other_cells import PERIOD, OtherCells
 from slosh_bringup.live.service_manager import ServiceManager
 from slosh_bringup.live.watch import LiveWatch, Screen
 from slosh_bringup.parameter_file import check_parameter_file
@@ -36,7 +36,56 @@ from slosh_msgs_py import topics
 from slosh_msgs_py.node.dead_ports import DeadPorts
 from slosh_msgs_py.node.domain import claimed_namespace, own_domain
 from slosh_msgs_py.node.hardware import HARDWARE_ID
+from slosh_msgs_py.node.rivals import FORGOTTEN
 from slosh_msgs_py.node.shared_memory import remove_leftovers
+
+PERIOD = 1.0
+"""How often to look [s]."""
+
+
+class OtherCells:
+    """Compares the nodes found in the namespace with the nodes of this cell.
+
+    The graph tells late on a busy machine, and the other cell may come later: it is asked as long
+    as the cell runs, and nobody waits for the answer.
+    """
+
+    def __init__(self) -> None:
+        self._starts: dict[str, deque[float]] = {}
+        self._seen: frozenset[str] = frozenset()
+        self._told: frozenset[str] = frozenset()
+
+    def started(self, name: str, now: float) -> None:
+        """Records the monotonic time [s] at which a node of this cell was started."""
+        self._starts.setdefault(name, deque()).append(now)
+
+    def look(self, running: Mapping[str, int], now: float) -> list[str]:
+        """Returns names of newly found nodes in this namespace that are not of this cell.
+
+        Two looks in a row have to agree: nodes appear one after the other, and are told together.
+
+        Args:
+            running: how often each name is in the graph.
+            now: steady time [s].
+        """
+        foreign = frozenset(
+            name for name, count in running.items() if count > self._own(name, now)
+        )
+        before, self._seen = self._seen, foreign
+        if foreign != before or foreign == self._told:
+            return []
+        news, self._told = foreign - self._told, foreign
+        return sorted(foreign) if news else []
+
+    def _own(self, name: str, now: float) -> int:
+        """Returns how many nodes of a name belong to this cell, counting recently killed ones."""
+        starts = self._starts.get(name)
+        if not starts:
+            return 0
+        while len(starts) > 1 and now - starts[1] > FORGOTTEN:
+            starts.popleft()
+        return len(starts)
+
 
 ATTEMPTS, WITHIN = 5, 60.0
 """A node that ends so often within so long [s] is not started again."""

@@ -14,9 +14,7 @@ from slosh_discovery.discover.finding import Role
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import whiteness
 from slosh_discovery.errors import SloshDiscoveryError
-from slosh_discovery.identify.dwell import dwell_vibration
 from slosh_discovery.identify.fitting import FittedVector, fit
-from slosh_discovery.identify.frequency_scan import scanned_start
 from slosh_discovery.identify.information import Unidentified, unidentified
 from slosh_discovery.identify.parameters import (
     ALIASES,
@@ -26,6 +24,7 @@ from slosh_discovery.identify.parameters import (
 )
 from slosh_discovery.identify.problem import STEP, Problem
 from slosh_discovery.identify.result import (
+    DwellVibration,
     FittedMotion,
     FoundParameter,
     Identification,
@@ -33,15 +32,108 @@ from slosh_discovery.identify.result import (
     PointAgreement,
     Strategy,
 )
-from slosh_discovery.identify.trials import OperatingPoint, Trial, make_trials
+from slosh_discovery.identify.trials import OperatingPoint, Trial, make_trials, rise_span
 from slosh_discovery.identify.tuning import TUNING
 from slosh_discovery.identify.validity import TOLERANCE, LineLimit, limited, line_limit
 from slosh_discovery.sound_inputs import sound, sound_fit
 from slosh_metrics.metrics import mean_absolute_error, peak_error
+from slosh_metrics.surface_metrics import effective_difference, effective_height, line_slopes
 from slosh_model.constants import GRAVITY
 from slosh_model.covariance import covariance_of
 from slosh_model.model import Model
 from slosh_model.parameters import DAMPING, FREQUENCY
+
+DAMPINGS = (1.0, 3.0, 8.0)
+"""In units of the model's."""
+
+
+def scanned_start(problem: Problem) -> Array:
+    """Returns initial parameters (P,) with the best natural frequency and damping of a grid.
+
+    A wave of a slightly wrong frequency falls out of step within a long record, and the sum of
+    squares has a valley at each step: so frequencies around the model's are tried before the fit,
+    each with dampings like the model's and larger ones, as that of a formula may be far too small.
+    """
+    starts = problem.starts
+    names = [parameter.name for parameter in problem.parameters]
+    if FREQUENCY not in names:
+        return starts
+    place = names.index(FREQUENCY)
+    reduced = replace(problem, trials=_distinct(problem))
+    values = []
+    for factor in DAMPINGS if DAMPING in names else (1.0,):
+        for frequency in _grid(reduced, starts[place]):
+            value = starts.copy()
+            value[place] = frequency
+            if DAMPING in names:
+                value[names.index(DAMPING)] *= factor
+            values.append(value)
+    residuals = reduced.residuals([reduced.start(value) for value in values])
+    # By sizes, not squares: outliers must not choose.
+    costs = np.sum(np.abs(residuals), axis=0)
+    best = int(np.argmin(costs))
+    own = reduced.residuals([reduced.start(starts)])[:, 0]
+    if costs[best] > TUNING.scan_better * float(np.sum(np.abs(own))):
+        return starts
+    found: Array = values[best]
+    return found
+
+
+def _distinct(problem: Problem) -> tuple[Trial, ...]:
+    """Returns the longest motions, at most one for each operating point."""
+    firsts = {trial.point: trial for trial in reversed(problem.trials)}
+    longest = sorted(firsts.values(), key=lambda trial: -float(np.ptp(trial.prepared.t)))
+    return tuple(longest[: TUNING.scan_trials])
+
+
+def _grid(problem: Problem, middle: float) -> Array:
+    model = problem.model
+    damping = model.mode_constants()[0].damping_ratio
+    record = max(float(np.ptp(trial.prepared.t)) for trial in problem.trials)
+    remembered = min(record, 1.0 / max(damping * middle, 1e-6))
+    count = math.ceil(math.log(TUNING.scan_span**2) * middle * remembered / TUNING.scan_phase)
+    half = min(max(count, TUNING.scan_fewest), TUNING.scan_most) // 2
+    grid: Array = middle * TUNING.scan_span ** (np.arange(-half, half + 1) / half)
+    return grid
+
+
+def dwell_vibration(
+    motions: Sequence[MeasuredMotion], shown: Sequence[FittedMotion], half_width: float
+) -> tuple[DwellVibration, ...]:
+    """Returns the residual vibration at each operating point, from measured surface profiles.
+
+    Args:
+        motions: as measured.
+        shown: what the identified model says of each.
+        half_width: of the container [m].
+    """
+    found: dict[str, list[tuple[float, float, float]]] = {}
+    for motion, answer in zip(motions, shown, strict=True):
+        if motion.profile is None or motion.profile_x is None:
+            continue
+        dwell = motion.t > rise_span(motion.inputs)[1]
+        if np.count_nonzero(dwell) < TUNING.least_frames:
+            continue
+        t, x, eta = motion.t[dwell], motion.profile_x, motion.profile[dwell]
+        simulated = answer.after[dwell, 0] / half_width
+        found.setdefault(answer.point, []).append(
+            (
+                effective_height(t, x, eta),
+                effective_difference(t, x, eta, line_slopes(x, eta)),
+                effective_difference(t, x, eta, simulated),
+            )
+        )
+    return tuple(
+        DwellVibration(
+            point,
+            len(rows),
+            max(row[0] for row in rows),
+            float(np.sqrt(np.mean([row[1] ** 2 for row in rows]))),
+            float(np.sqrt(np.mean([row[2] ** 2 for row in rows]))),
+        )
+        for point, rows in found.items()
+    )
+
 
 Progress = Callable[[str, float], object]
 
