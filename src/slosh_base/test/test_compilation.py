@@ -1,7 +1,9 @@
 """Tests that each name identifies one compiled code, and which code is rejected."""
 
+import dis
 import importlib.util
 import itertools
+import os
 import sys
 import textwrap
 
@@ -9,7 +11,7 @@ import numpy as np
 import pytest
 
 from slosh_base.compiled import compilation
-from slosh_base.compiled.code_digest import DIGEST, written
+from slosh_base.compiled.code_digest import DIGEST, digest, paths, written
 from slosh_base.compiled.compilation import EntryPoint, load_all, uncompiled
 from slosh_model import kernel
 from slosh_model.model import Model
@@ -365,3 +367,31 @@ def test_the_models_own_step_is_the_same_uncompiled():
         first, second = (step(store, *inputs) for step, store in zip(steps, stores, strict=True))
         assert second == pytest.approx(first, rel=1e-12, abs=1e-15)
     assert abs(first[0]) > 1e-5
+
+
+def described_by_dis(code):
+    """Returns the dotted names that code reads, by `dis`."""
+    found, path = set(), []
+    for step in dis.get_instructions(code):
+        if step.opname in ("LOAD_ATTR", "LOAD_METHOD") and path:
+            path.append(step.argval)
+        elif step.opname != "EXTENDED_ARG":
+            found |= {tuple(path)} if path else set()
+            path = [step.argval] if step.opname == "LOAD_GLOBAL" else []
+    return found
+
+
+def many_names():
+    """Returns a function that reads more names than one byte counts."""
+    lines = [f"    a = np.linalg.n{k} + math.m{k}(b.c{k}.d)" for k in range(300)]
+    scope = {}
+    exec("\n".join(["def f(a, b):", *lines, "    return 1.5 + a"]), scope)
+    return scope["f"]
+
+
+@pytest.mark.parametrize("function", [many_names(), digest, os.path.join, dis.dis])
+def test_names_that_code_reads_are_those_that_dis_finds(function):
+    code = function.__code__
+    nested = [one for one in code.co_consts if hasattr(one, "co_code")]
+    assert set(paths(code)) >= described_by_dis(code)
+    assert nested or set(paths(code)) == described_by_dis(code)

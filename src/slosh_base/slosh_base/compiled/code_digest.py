@@ -37,6 +37,13 @@ _TOOLS = (
     numba.config.BOUNDSCHECK,
 )
 _KNOWN_TO_NUMBA = sys.stdlib_module_names | {"numpy", "numba"}
+_CACHE, _GLOBAL, _CONSTANTS = dis.opmap["CACHE"], dis.opmap["LOAD_GLOBAL"], frozenset(dis.hasconst)
+_ATTRIBUTES = {
+    dis.opmap[name]: shift
+    for name, shift in (("LOAD_ATTR", int(sys.version_info >= (3, 12))), ("LOAD_METHOD", 0))
+    if name in dis.opmap and dis.opmap[name] < 256
+}
+"""Instructions that read an attribute, and by how many bits the place of its name is shifted."""
 _PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), np.dtype, Type)
 
 
@@ -68,13 +75,31 @@ def paths(code: CodeType) -> Iterator[Path]:
     """Yields the dotted names that code reads, as tuples: `np.pi` is ('np', 'pi')."""
     for one in _codes(code):
         path: list[str] = []
-        for step in dis.get_instructions(one):
-            if step.opname in ("LOAD_ATTR", "LOAD_METHOD") and path:
-                path.append(step.argval)
-            elif step.opname != "EXTENDED_ARG":
+        for operation, argument in _steps(one):
+            if path and operation in _ATTRIBUTES:
+                path.append(one.co_names[argument >> _ATTRIBUTES[operation]])
+            else:
                 if path:
                     yield tuple(path)
-                path = [step.argval] if step.opname == "LOAD_GLOBAL" else []
+                path = [one.co_names[argument >> 1]] if operation == _GLOBAL else []
+
+
+def _steps(code: CodeType) -> Iterator[tuple[int, int]]:
+    """Yields operation and argument of each instruction of code, without caches.
+
+    `dis` says more of each, and takes a third of the time in which a node is imported.
+    """
+    raw, extended = code.co_code, 0
+    for place in range(0, len(raw), 2):
+        operation = raw[place]
+        if operation == _CACHE:
+            continue
+        argument = raw[place + 1] | extended
+        if operation == dis.EXTENDED_ARG:
+            extended = argument << 8
+        else:
+            extended = 0
+            yield operation, argument
 
 
 def called(function: Any) -> Iterator[Any]:
@@ -151,7 +176,7 @@ def _root(value: Any) -> str:
 
 
 def _code_fact(code: CodeType) -> str:
-    used = {step.arg for step in dis.get_instructions(code) if step.opcode in dis.hasconst}
+    used = {argument for operation, argument in _steps(code) if operation in _CONSTANTS}
     constants = [
         _fact(one)
         for place, one in enumerate(code.co_consts)
