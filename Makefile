@@ -8,9 +8,9 @@ export ROS_PYTHON_CHECK_FIELDS ?= 1
 TESTS := tests $(wildcard src/*/test addons/*/test)
 # What must keep pace with a camera and a robot runs before the others: a busy machine fails it.
 REAL_TIME := src/slosh_bringup/test/test_cell_node.py tests/real_time
-# One worker more than there are cores: tests of live nodes wait for each other a third of the time.
+# Two workers more than there are cores: tests of live nodes wait for each other half of the time.
 # `make test WORKERS=0` runs all in one process, as a debugger wants it.
-WORKERS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
+WORKERS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 2)
 # As many of them as there are cores: none computes in several threads.
 export OPENBLAS_NUM_THREADS ?= 1
 export OPENCV_FOR_THREADS_NUM ?= 1
