@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from threading import Event
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -19,13 +19,10 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     topics.IMAGE: (topics.IMAGE, topics.IMAGE_COMPRESSED),
     topics.ESTIMATE: (topics.ESTIMATE,),
     topics.FREE_SURFACE: (topics.FREE_SURFACE,),
-    topics.DESIRED_TWIST: (topics.DESIRED_TWIST,),
 }
 """Topics that must be read before there is a motion, by the name of their kind."""
 OF_CAMERA = (topics.IMAGE, topics.FREE_SURFACE)
 """Those that nobody reads where there is no camera."""
-OF_GOVERNOR = (topics.DESIRED_TWIST,)
-"""Those that nobody reads where there is no governor."""
 SETTLED = 1.0  # s; for so long nobody new has come: a recorder finds its topics one by one
 POLL = 0.05
 
@@ -39,7 +36,7 @@ class ReadyCell:
         readers: how many nodes must read each of GROUPS.
         patience: after so long without news it is given up [s].
         camera: whether images are published.
-        governed: whether a governor's commands are.
+        commands: topics that must be read, too.
     """
 
     def __init__(
@@ -50,11 +47,12 @@ class ReadyCell:
         patience: float,
         *,
         camera: bool = True,
-        governed: bool = False,
+        commands: Sequence[str] = (),
     ) -> None:
         self._node, self._readers, self._patience = node, readers, patience
-        unread = (*(() if camera else OF_CAMERA), *(() if governed else OF_GOVERNOR))
-        self._kinds = [kind for kind in GROUPS if kind not in unread]
+        unread = () if camera else OF_CAMERA
+        groups = {kind: names for kind, names in GROUPS.items() if kind not in unread}
+        self._groups = groups | {name: (name,) for name in commands}
         self._namespace = node.get_namespace()
         self._wait = ReadyWait(names, time.monotonic(), patience)
         self._own = node.get_name()
@@ -85,7 +83,7 @@ class ReadyCell:
         began = settled = time.monotonic()
         before: Mapping[str, set[str]] = {}
         while not stop.wait(POLL):
-            now, there = time.monotonic(), {kind: self._reading(kind) for kind in self._kinds}
+            now, there = time.monotonic(), {kind: self._reading(kind) for kind in self._groups}
             if there != before:
                 before, settled = there, now
             self._unread = self._lacking(there)
@@ -107,7 +105,7 @@ class ReadyCell:
         """Returns the names of the nodes that subscribe to a kind of topics, such as images."""
         return {
             node_of(info)
-            for topic in GROUPS[kind]
+            for topic in self._groups[kind]
             for info in self._node.get_subscriptions_info_by_topic(
                 self._node.resolve_topic_name(topic)
             )
