@@ -61,6 +61,7 @@ class AddOn(NamedTuple):
         demo_options: modules with `add_arguments(parser)` and `changed(arguments, demo)`, which
             adds to what `slosh demo` runs (slosh_bringup.cli.demo.Demo).
         compiled: modules that import all of its compiled functions.
+        mode_solver: module that computes the modes of containers: see slosh_shapes.solver.
     """
 
     commands: Mapping[str, Command] = {}
@@ -70,6 +71,7 @@ class AddOn(NamedTuple):
     figures: Mapping[str, str] = {}
     demo_options: tuple[str, ...] = ()
     compiled: tuple[str, ...] = ()
+    mode_solver: str = ""
 
 
 @cache

@@ -13,7 +13,8 @@ import scipy
 
 from slosh_base.types import Array
 from slosh_model.errors import SloshModelError
-from slosh_model.potential_flow.mesh import (
+from slosh_model.shapes.contour import Piece
+from slosh_shapes.mesh import (
     Side,
     Size,
     Triangles,
@@ -21,7 +22,6 @@ from slosh_model.potential_flow.mesh import (
     on_sides,
     triangulated,
 )
-from slosh_model.shapes.contour import Piece
 
 HOW_TO_GET = (
     "the modes of this container must be computed with scikit-fem, which is not installed "

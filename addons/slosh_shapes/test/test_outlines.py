@@ -21,14 +21,14 @@ from slosh_model.constants import GRAVITY
 from slosh_model.mode_table import mode_table
 from slosh_model.model_text import format_model, parse_model
 from slosh_model.outline_wall import MOST_CORNERS, few_corners
-from slosh_model.potential_flow import cache, finite_elements
-from slosh_model.potential_flow.directed import modes_without_symmetry
-from slosh_model.potential_flow.plane import prism_modes
 from slosh_model.shapes import Prism, Rectangle, Tray
 from slosh_model.shapes.contour import line
 from slosh_model.shapes.table_text import points_of
 from slosh_model.standing import Standing
 from slosh_model.standing_use import StandingMasses, standing_use
+from slosh_shapes import finite_elements, solver
+from slosh_shapes.directed import modes_without_symmetry
+from slosh_shapes.plane import prism_modes
 
 pytestmark = pytest.mark.skipif(
     not finite_elements.available(), reason="no scikit-fem (requirements/modes.txt)"
@@ -371,7 +371,7 @@ def test_a_model_file_holds_the_directions(monkeypatch):
         model = Model(jar(points), modes=2).with_effect("second_mode", damping_ratio=0.02)
         text = format_model(model)
         monkeypatch.setattr(Prism, "solved", lambda *_: pytest.fail("computed again"))
-        monkeypatch.setattr(cache, "read", lambda _: None)
+        monkeypatch.setattr(solver, "read", lambda _: None)
         read = parse_model(text, "jar.yaml")
         assert read == model
         motion = shaken()

@@ -15,7 +15,6 @@ class PotentialFlowTuning:
     # finite_elements.py, by axisymmetric.py and plane.py
     change: float = number(1e-5, "1", "relative change of ω by a division that ends them")
     most_divisions: int = number(3, "1", "number of divisions, at most")
-    film: float = number(0.65, "1", "a surface film's layer, of that of one that does not yield")
     # axisymmetric.py
     surface_parts: float = number(17.0, "1", "first triangles across the surface")
     growth: float = number(0.3, "1", "growth of the size with depth")

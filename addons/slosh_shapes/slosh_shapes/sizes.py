@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_model.potential_flow.mesh import Side, Size, graded
-from slosh_model.potential_flow.tuning import TUNING
+from slosh_shapes.mesh import Side, Size, graded
+from slosh_shapes.tuning import TUNING
 
 
 def bending(at: Array) -> Array:

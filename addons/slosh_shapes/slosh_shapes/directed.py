@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_model.potential_flow.finite_elements import bases, library, limit, refined
-from slosh_model.potential_flow.mesh import Side
-from slosh_model.potential_flow.plane_numbers import (
+from slosh_model.shapes.contour import Piece
+from slosh_shapes.finite_elements import bases, library, limit, refined
+from slosh_shapes.mesh import Side
+from slosh_shapes.plane_numbers import (
     DRIVEN,
     OFFSET,
     OFFSET_Y,
@@ -26,8 +27,8 @@ from slosh_model.potential_flow.plane_numbers import (
     of_one_frequency,
     plane_matrices,
 )
-from slosh_model.potential_flow.sizes import outline_size
-from slosh_model.potential_flow.symmetry import (
+from slosh_shapes.sizes import outline_size
+from slosh_shapes.symmetry import (
     ISOTROPIC,
     QUARTER,
     anisotropy,
@@ -35,8 +36,7 @@ from slosh_model.potential_flow.symmetry import (
     turned_piece,
     turned_points,
 )
-from slosh_model.potential_flow.tuning import TUNING
-from slosh_model.shapes.contour import Piece
+from slosh_shapes.tuning import TUNING
 
 
 def modes_without_symmetry(

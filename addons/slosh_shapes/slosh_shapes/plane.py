@@ -21,16 +21,18 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
 from slosh_model.errors import SloshModelError
-from slosh_model.potential_flow.directed import modes_without_symmetry
-from slosh_model.potential_flow.finite_elements import (
+from slosh_model.shapes.contour import Piece, line
+from slosh_model.shapes.mode_numbers import FILM, ModeNumbers
+from slosh_shapes.directed import modes_without_symmetry
+from slosh_shapes.finite_elements import (
     bases,
     library,
     limit,
     refined,
     scaled,
 )
-from slosh_model.potential_flow.mesh import Side
-from slosh_model.potential_flow.plane_numbers import (
+from slosh_shapes.mesh import Side
+from slosh_shapes.plane_numbers import (
     ALONG,
     AROUND,
     DRIVEN,
@@ -46,16 +48,14 @@ from slosh_model.potential_flow.plane_numbers import (
     of_one_frequency,
     plane_matrices,
 )
-from slosh_model.potential_flow.sizes import outline_size
-from slosh_model.potential_flow.symmetry import (
+from slosh_shapes.sizes import outline_size
+from slosh_shapes.symmetry import (
     axis_of_symmetry,
     mirrored,
     turned_piece,
     turned_points,
 )
-from slosh_model.potential_flow.tuning import TUNING
-from slosh_model.shapes.contour import Piece, line
-from slosh_model.shapes.mode_numbers import ModeNumbers
+from slosh_shapes.tuning import TUNING
 
 ALONG_AXIS, ACROSS_AXIS = "axis", "axis across"
 """Sides on the axis of symmetry, which is x, and on the one across it where there is one."""
@@ -221,7 +221,7 @@ def _layer(k: float, depth: float, row: Sequence[float]) -> float:
     along, across = wave + 0.5 * depth * squared, wave - 0.5 * depth * squared
     walls = along * row[ALONG] + k * k * across * row[AROUND]
     # Floor and surface film move as ∇F does, and ∫|∇F|² = k²∫F².
-    level = k * k * row[NORM] * (squared + TUNING.film)
+    level = k * k * row[NORM] * (squared + FILM)
     return 0.5 * (walls + level) / (k * math.tanh(k * depth) * row[NORM])
 
 

@@ -30,7 +30,9 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
-from slosh_model.potential_flow.finite_elements import (
+from slosh_model.shapes.contour import Piece, ends_at, line, wetted
+from slosh_model.shapes.mode_numbers import FILM, ModeNumbers
+from slosh_shapes.finite_elements import (
     bases,
     library,
     limit,
@@ -39,11 +41,9 @@ from slosh_model.potential_flow.finite_elements import (
     scaled,
     solver,
 )
-from slosh_model.potential_flow.mesh import Side, Size, graded
-from slosh_model.potential_flow.sizes import bending, sharp_corners
-from slosh_model.potential_flow.tuning import TUNING
-from slosh_model.shapes.contour import Piece, ends_at, line, wetted
-from slosh_model.shapes.mode_numbers import ModeNumbers
+from slosh_shapes.mesh import Side, Size, graded
+from slosh_shapes.sizes import bending, sharp_corners
+from slosh_shapes.tuning import TUNING
 
 LAMBDA, MASS, HEIGHT, PLACE, LAYER, BULK = range(6)
 """Numbers of a mode, in lengths of R: λ, mass share, height at the wall per displacement, height
@@ -178,7 +178,7 @@ def _solved(mesh: Any, count: int) -> tuple[Array, tuple[Array, Array]]:
         norm, reach = float(u @ (mass @ u)), float(offset @ u)
         kinetic = float(u @ (stiffness @ u))
         moment, layer = on_wall.of(u)
-        layer += TUNING.film * float(film.assemble(surface, u=surface.interpolate(u)))
+        layer += FILM * float(film.assemble(surface, u=surface.interpolate(u)))
         rows.append(
             (
                 values[n],

@@ -12,9 +12,9 @@ from slosh_model import Inputs, Model, SloshModelError, simulate
 from slosh_model.constants import GRAVITY
 from slosh_model.mode_table import mode_table
 from slosh_model.model_text import format_model, parse_model
-from slosh_model.potential_flow import axisymmetric, finite_elements, trough
-from slosh_model.potential_flow.mesh import divided, triangulated
 from slosh_model.shapes import LyingCylinder, Rectangle, Trough, Wedge
+from slosh_shapes import axisymmetric, finite_elements, trough
+from slosh_shapes.mesh import divided, triangulated
 
 pytestmark = pytest.mark.skipif(
     not finite_elements.available(), reason="no scikit-fem (requirements/modes.txt)"

@@ -23,8 +23,10 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
-from slosh_model.potential_flow.axisymmetric import region
-from slosh_model.potential_flow.finite_elements import (
+from slosh_model.shapes.contour import Piece
+from slosh_model.shapes.mode_numbers import FILM, LEAST, ModeNumbers
+from slosh_shapes.axisymmetric import region
+from slosh_shapes.finite_elements import (
     bases,
     library,
     limit,
@@ -32,9 +34,7 @@ from slosh_model.potential_flow.finite_elements import (
     refined,
     solver,
 )
-from slosh_model.potential_flow.tuning import TUNING
-from slosh_model.shapes.contour import Piece
-from slosh_model.shapes.mode_numbers import LEAST, ModeNumbers
+from slosh_shapes.tuning import TUNING
 
 LAMBDA, MASS, HEIGHT, PLACE, LAYER, BULK, SHARE = range(7)
 """Numbers of a mode, in lengths of half the surface's width: λ, mass share, height at the wall per
@@ -248,7 +248,7 @@ class _Integrals:
         slope = float(psi @ (self.stiffness @ psi))
         moment = 2.0 * float(self.arms @ psi) - 2.0 / squares * float(self.lift @ psi)
         layer = _form(psi, self.along_wall) + squares * _form(psi, self.wall)
-        layer += TUNING.film * (_form(psi, self.along_surface) + squares * norm)
+        layer += FILM * (_form(psi, self.along_surface) + squares * norm)
         bent, mixed = self._bent(psi), 2.0 * squares * slope
         volume, whole = self.size * long, 0.5 * long * norm
         return (
@@ -264,7 +264,7 @@ class _Integrals:
     def transverse(self, value: float, psi: Array, long: float) -> tuple[float, ...]:
         """Returns the constants of a transverse mode from its eigenvalue λ and shape ψ."""
         norm, reach = float(psi @ (self.surface @ psi)), float(self.offsets @ psi)
-        layer = _form(psi, self.along_wall) + TUNING.film * _form(psi, self.along_surface)
+        layer = _form(psi, self.along_wall) + FILM * _form(psi, self.along_surface)
         slope, share = value * norm, 3.0 * reach * reach / norm
         place = float(self.moment @ psi) / (value * reach) - 1.0 / value if share > _NONE else 0.0
         return (

@@ -14,8 +14,6 @@ from slosh_model.constants import GRAVITY
 from slosh_model.containers import _SHAPES
 from slosh_model.mode_table import mode_table
 from slosh_model.model_text import format_model, parse_model
-from slosh_model.potential_flow import axisymmetric, cache, finite_elements
-from slosh_model.potential_flow.mesh import divided, triangulated
 from slosh_model.shapes import (
     Beaker,
     Bottle,
@@ -34,6 +32,8 @@ from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.shapes.round_cups import RoundCup
 from slosh_model.shapes.solved import SolvedContainer, solved_modes
 from slosh_model.shapes.table_text import points_of
+from slosh_shapes import axisymmetric, finite_elements, solver
+from slosh_shapes.mesh import divided, triangulated
 from slosh_testing.surface import rectangle_surface, surface_height
 
 pytestmark = pytest.mark.skipif(
@@ -466,7 +466,7 @@ def test_a_model_file_holds_the_modes(container, monkeypatch):
     def refuse(*_):
         raise AssertionError("computed again")
 
-    monkeypatch.setattr(cache, "read", refuse)
+    monkeypatch.setattr(solver, "read", refuse)
     monkeypatch.setattr(type(container), "solved", refuse)
     solved_modes.cache_clear()
     again = parse_model(text)
@@ -637,7 +637,7 @@ def test_without_the_library_known_modes_suffice(monkeypatch):
     monkeypatch.setattr(finite_elements, "available", lambda: False)
     finite_elements.library.cache_clear()
     solved_modes.cache_clear()
-    monkeypatch.setattr(cache, "read", lambda _: None)
+    monkeypatch.setattr(solver, "read", lambda _: None)
     assert numbers_of(parse_model(text), 1)
     with pytest.raises(SloshModelError, match=r"pip install -r requirements/modes\.txt"):
         parse_model("container: {shape: sphere, radius: 0.05, fill_height: 0.031}")

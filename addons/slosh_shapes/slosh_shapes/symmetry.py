@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_model.potential_flow.tuning import TUNING
 from slosh_model.shapes.contour import Piece
+from slosh_shapes.tuning import TUNING
 
 QUARTER = 0.5 * math.pi
 ISOTROPIC = 1e-2

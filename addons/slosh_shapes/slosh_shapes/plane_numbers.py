@@ -9,7 +9,7 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_model.errors import SloshModelError
-from slosh_model.potential_flow.finite_elements import library, lowest
+from slosh_shapes.finite_elements import library, lowest
 
 SQUARE, NORM, OFFSET, HEIGHT, ALONG, AROUND = range(6)
 """Of a mode: k², ∫F² and ∫xF over what is computed, F where heights are given, ∮F_s², ∮F²."""
