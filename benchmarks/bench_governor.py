@@ -27,8 +27,8 @@ from governor import NOISE, PERIOD, drawn
 from measuring import need, parsed
 
 from slosh_base.files.nanoseconds import SECOND
+from slosh_governor.core import SeenLiquid
 from slosh_model.tray import Tray, TrayContainer
-from slosh_plan.governor import SeenLiquid
 
 GOAL = 1e-3
 """Of the 99th percentile [s]."""

@@ -27,6 +27,7 @@ PLANTED = {
 }
 UPWARDS = {
     "Packages import those below them": ("slosh_model/containers.py", "slosh_bag.reader"),
+    "The core works without add-ons": ("slosh_bringup/processes.py", "slosh_governor.core"),
     "The camera's rooms import those below them": (
         "slosh_camera/optics/__init__.py",
         "slosh_camera.detection",

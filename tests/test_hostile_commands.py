@@ -155,7 +155,7 @@ def test_a_damaged_file_is_read_or_named_in_one_line(folder, capfd, line):
 
 
 def test_a_prism_whose_modes_take_long_says_so_once(folder, capfd, monkeypatch):
-    monkeypatch.setattr("slosh_model.potential_flow.cache.read", lambda key: None)
+    monkeypatch.setattr("slosh_shapes.solver.read", lambda key: None)
     corners = "[[0.04, 0.031], [-0.04, 0.031], [-0.04, -0.031], [0.04, -0.031]]"
     shape = f"{{shape: prism, outline: {corners}, fill_height: 0.05}}"
     (folder / "tray.yaml").write_text(f"container: {shape}\n")

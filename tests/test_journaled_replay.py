@@ -26,7 +26,7 @@ from slosh_msgs_py import topics
 from slosh_msgs_py.conversions import filled
 from slosh_msgs_py.stamps import to_time
 from slosh_replay.journaled.outputs import UNTAKEN
-from slosh_replay.journaled.replay import CHANGED, replay_journals
+from slosh_replay.journaled.replay import CHANGED, NO_ROW, ROWS, replay_journals
 from slosh_replay.replay.verification import Tally
 from slosh_testing.hearing_robot import Graph
 from slosh_testing.journaled import assert_same_by_journal
@@ -124,6 +124,15 @@ def copied(bag: Path, target: Path, change: Callable[[int, BagMessage], bytes | 
                 writer.add_topic(message.topic, message.message_type)
                 writer.write(message.topic, data, message.log_ns, message.publish_ns)
     return target
+
+
+def test_what_no_installed_package_replays_is_not_checked_and_named(bag: Path) -> None:
+    known = {name: row for name, row in ROWS.items() if name != "monitor"}
+    found = replay_journals(bag, rows=known).verified
+    assert found[topics.ESTIMATE].exact
+    unchecked = found[topics.COMPARISON].unchecked
+    assert list(unchecked) == [f"{NO_ROW} monitor"]
+    assert unchecked == {f"{NO_ROW} monitor": BagReader(bag).topics()[f"{CELL}/comparison"].count}
 
 
 def test_each_process_gives_the_same_again(bag: Path) -> None:

@@ -26,8 +26,8 @@ LOCKS = ("ros", "runtime", "development")
 ORDER = (
     "slosh_base", "slosh_msgs", "slosh_msgs_py", "slosh_model", "slosh_metrics", "slosh_tables",
     "slosh_camera", "slosh_report", "slosh_bag", "slosh_estimator", "slosh_plan", "slosh_replay",
-    "slosh_discovery", "slosh_bringup", "slosh", "slosh_fleet", "slosh_machines", "slosh_plc",
-    "slosh_testing",
+    "slosh_discovery", "slosh_bringup", "slosh", "slosh_fleet", "slosh_governor",
+    "slosh_machines", "slosh_plc", "slosh_shapes", "slosh_testing",
 )  # fmt: skip
 """A package imports those before it alone."""
 ROSDEP = {

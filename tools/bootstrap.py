@@ -358,7 +358,8 @@ def compile_functions() -> None:
     to_bytecode(ROOT.glob("*/slosh*/slosh*"))
     # What computes knows nothing of ROS 2, and does without the built workspace.
     packages = ":".join(str(path.parent) for path in ROOT.glob("*/slosh_*/setup.py"))
-    command = [str(VENV / "bin/python"), "-m", "slosh_bringup.compiling"]
+    add_ons = sorted(path.parent.name for path in ROOT.glob("addons/slosh_*/*/addon.py"))
+    command = [str(VENV / "bin/python"), "-m", "slosh_bringup.compiling", *add_ons]
     environment = {**os.environ, "PYTHONPATH": packages}
     done = subprocess.run(command, cwd=ROOT, env=environment, check=False)
     if done.returncode != 0:

@@ -16,7 +16,7 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     install_requires=["setuptools", "numpy>=1.26", "scipy", "numba"],
-    extras_require={"modes": ["scikit-fem"], "notebook": ["matplotlib", "pandas"]},
+    extras_require={"notebook": ["matplotlib", "pandas"]},
     zip_safe=False,
     maintainer="Slosh Monitor maintainers",
     maintainer_email="slosh-monitor@users.noreply.github.com",

@@ -31,7 +31,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "numba", "numpy>=1.26", "scipy"],
+    install_requires=["setuptools", "numpy>=1.26", "scipy"],
     extras_require={
         "notebook": ["matplotlib", "pandas"],
         "plan": ["casadi"],
@@ -44,10 +44,8 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "governor = slosh_plan.nodes.governor_node:main",
             "planner = slosh_plan.nodes.planner_node:main",
             "predictor = slosh_plan.nodes.predictor_node:main",
-            "relay = slosh_plan.nodes.relay_node:main",
         ]
     },
 )

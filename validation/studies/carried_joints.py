@@ -10,7 +10,7 @@ import numpy as np
 from six_axes import CUP, urdf_of
 
 from slosh_base.types import Array
-from slosh_plan.governor import GovernedArm
+from slosh_governor.core import GovernedArm
 
 pinocchio: Any = importlib.import_module("pinocchio")
 PARTS = 4

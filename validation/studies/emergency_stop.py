@@ -25,7 +25,7 @@ from observer_accuracy import write_table
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
-from slosh_plan.governor import Command, Governed, Governor
+from slosh_governor.core import Command, Governed, Governor
 
 HEAD = (
     "stop",

@@ -40,12 +40,12 @@ from six_axes import UPRIGHT, six_axes
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
+from slosh_governor.core import Command, Governed, GovernedArm, Governor
 from slosh_model import Inputs, Model, simulate
 from slosh_model.standing import Standing
 from slosh_model.standing_use import standing_use
 from slosh_model.tray import Tray, TrayContainer
 from slosh_plan.errors import SloshPlanError
-from slosh_plan.governor import Command, Governed, GovernedArm, Governor
 from slosh_plan.heights import first_period
 from slosh_plan.planning.limits import PlanLimits
 

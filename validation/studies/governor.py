@@ -27,11 +27,11 @@ from observer_accuracy import write_table
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
-from slosh_bringup.cell.governed_cup import GovernedCup, GovernedStep
+from slosh_governor.core import Command, Governed, Governor, SeenLiquid
+from slosh_governor.governed_cup import GovernedCup, GovernedStep
 from slosh_model import Cylinder, Inputs, Model, Rectangle, wall_heights
 from slosh_model.containers import Container
 from slosh_model.simulate import Simulator
-from slosh_plan.governor import Command, Governed, Governor, SeenLiquid
 from slosh_plan.heights import first_period, msh_of
 from slosh_plan.planning.limits import PlanLimits
 

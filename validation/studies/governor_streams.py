@@ -28,9 +28,9 @@ from seen_liquid import FAULTS, WatchedLiquid
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
+from slosh_governor.core import Command, Governed, Governor, ModelDoubt, SeenLiquid
 from slosh_model import Cylinder, Model, Rectangle
 from slosh_plan.errors import SloshPlanError
-from slosh_plan.governor import Command, Governed, Governor, ModelDoubt, SeenLiquid
 from slosh_plan.planning.limits import PlanLimits
 
 PAGE = ROOT / "docs" / "governor.md"

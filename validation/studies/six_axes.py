@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from slosh_base.types import Array
-from slosh_plan.governor import GovernedArm
-from slosh_plan.governor.robot_arm import with_defaults
+from slosh_governor.core import GovernedArm
+from slosh_governor.core.robot_arm import with_defaults
 from slosh_plan.joints import Arm
 from slosh_plan.planning.joint_limits import limits_of
 

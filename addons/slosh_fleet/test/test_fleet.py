@@ -26,6 +26,7 @@ from slosh_model.mode_table import mode_table
 from slosh_model.model_text import parse_model
 from slosh_msgs.msg import Calm, FusedEstimate
 from slosh_replay.recorded_run import RecordedRun
+from slosh_testing.live_bag import LiveBag
 from slosh_testing.observed_bag import BEGIN_NS, MODEL, observed
 
 BAGS = Path(__file__).parents[3] / "bags"
@@ -448,3 +449,10 @@ def test_a_container_is_one_trend_before_and_after_an_upgrade():
     assert (
         _liquid([NodeStart("estimator", 0, 1, "", "", {}, {"model": other})]).digest not in found
     )
+
+
+def test_motions_come_from_remapped_topics(tmp_path):
+    live = LiveBag()
+    live.remap = {"accel": "/arm/accel", "estimate": "/robot/wave", "free_surface": "/eye/level"}
+    (row,) = motions_of(live.write(tmp_path / "own", 1.0))
+    assert (row.cell, row.nonlinear_peak > 0.0) == ("slosh", True)

@@ -1,8 +1,8 @@
-"""What this add-on brings to the `slosh` command: see slosh_bringup.addons."""
+"""What this add-on brings to the core: see slosh_base.addons."""
 
 from __future__ import annotations
 
-from slosh_bringup.addons import AddOn, Command
+from slosh_base.addons import AddOn, CellNode, Command
 
 ADDON = AddOn(
     commands={
@@ -18,4 +18,5 @@ ADDON = AddOn(
         ),
     },
     nodes={"plc": "slosh_plc.nodes.plc_node"},
+    cell_nodes={"plc": CellNode("plc", "serve the cell's state over OPC UA, MQTT or Modbus TCP")},
 )

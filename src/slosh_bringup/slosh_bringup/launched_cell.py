@@ -13,6 +13,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from slosh_base.addons import cell_nodes
 from slosh_base.files.errors import SloshFileError
 from slosh_base.files.yaml_document import parse_yaml
 from slosh_bringup.cell.motion_source import TABLE_ENDINGS
@@ -43,7 +44,7 @@ from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_estimator.inputs import JOINTS
 from slosh_model.tray import read_tray
 from slosh_msgs_py.node.dead_ports import DeadPorts
-from slosh_msgs_py.topics import COMMANDING, DRIVING
+from slosh_msgs_py.topics import DRIVING
 
 SETTLED = 60.0
 """An end that lies longer back than this is not counted any more [s]."""
@@ -89,12 +90,16 @@ ARGUMENTS = (
     Argument("urdf", "", "robot description, for joint states and predictions of joint motions"),
     Argument("tool_frame", "", "link of the robot that carries the container"),
     Argument("plan", "false", "plan motions: the service plan, the action plan_motion"),
-    Argument("govern", "", f"limit commands: {', '.join(COMMANDING)}; empty: no governor"),
     Argument("watch", "false", f"serve the operator's page on this machine, port {PORT}"),
-    Argument("plc", "false", "serve the cell's state over OPC UA, MQTT or Modbus TCP"),
     Argument("markers", "false", "publish the surface for RViz and Foxglove"),
     Argument("simulate", "false", "play a motion instead of reading a robot's topics"),
     Argument("motion", "c3", "motion of the simulated cell: a name or a motion table"),
+    *(
+        Argument(key, "", f"{one.summary}: {', '.join(one.choices)}; empty: no {one.node}")
+        if one.choices
+        else Argument(key, "false", one.summary)
+        for key, one in cell_nodes().items()
+    ),
 )
 
 
@@ -188,6 +193,14 @@ class LaunchedCell:
             raise SloshBringupError(f"{name}:={self._given[name]}: must be true or false")
         return text in ("true", "1")
 
+    def _added(self) -> dict[str, str]:
+        """Returns what is given for the nodes of add-ons that are started, by key."""
+        return {
+            key: self._given[key]
+            for key, one in cell_nodes().items()
+            if (self._given[key] if one.choices else self._flag(key))
+        }
+
     def _setup(self) -> CellSetup:
         """Creates the cell's set-up from the launch arguments and checks its files."""
         default, given = default_setup(), self._given
@@ -215,7 +228,7 @@ class LaunchedCell:
             remap=read_remap(source, namespace, source.value["remap"], tuple(cameras)),
             force=Path(given["force"]).absolute() if given["force"] else None,
             cameras=cameras,
-            govern=given["govern"],
+            added=self._added(),
         )
         if setup.force is not None and not setup.force.is_file():
             raise SloshBringupError(f"force:={given['force']}: no such file")
@@ -237,8 +250,10 @@ class LaunchedCell:
             more["estimator"] = {"input": self._given["input"]}
         if self._given["input"] == JOINTS:
             more["estimator"] |= self._robot()
-        if self._given["govern"]:
-            more["governor"] = self._robot()
+        for key in setup.added:
+            node = cell_nodes()[key]
+            robot = self._robot().items()
+            more[node.node] = {name: given for name, given in robot if name in node.takes}
         return [
             _with(process, more.get(process.name, {}))
             for process in setup.processes(bag)
@@ -249,7 +264,9 @@ class LaunchedCell:
         """Returns the processes of the enabled services and web pages."""
         model = {"model": str(setup.model)}
         robot = self._robot()
-        used = self._flag("predict") or bool(self._given["govern"])
+        used = self._flag("predict") or any(
+            "urdf" in cell_nodes()[key].takes for key in setup.added
+        )
         if self._given["input"] != JOINTS and (len(robot) == 1 or (robot and not used)):
             raise SloshBringupError(
                 "urdf:=, tool_frame:= and predict:=true must be given together"
@@ -257,7 +274,7 @@ class LaunchedCell:
         if len(robot) == 1:  # the joints' robot is described by a topic
             robot = {}
         own = {"predict": ("predictor", model | robot), "watch": ("watch", {})}
-        own |= {"plan": ("planner", model), "plc": ("plc", {}), "markers": ("markers", {})}
+        own |= {"plan": ("planner", model), "markers": ("markers", {})}
         return [
             NodeProcess(name, [setup.parameters], parameters, setup.remap)
             for argument, (name, parameters) in own.items()

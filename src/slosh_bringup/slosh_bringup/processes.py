@@ -21,8 +21,8 @@ from typing import BinaryIO, NamedTuple
 
 from slosh_bag.store.motion_ingest import LONGEST
 from slosh_bag.store.motion_ingest import PARAMETER as MOTIONS
+from slosh_base.addons import add_ons, cell_nodes
 from slosh_base.files.installed import shared_folder
-from slosh_bringup.addons import add_ons
 from slosh_bringup.errors import SloshBringupError
 from slosh_msgs_py.node.lifeline import Lifelines
 from slosh_msgs_py.node.network import network_environment
@@ -32,21 +32,17 @@ _OF_CORE = {
     "cell": "slosh_bringup.nodes.cell_node",
     "camera": "slosh_camera.nodes.camera_node",
     "estimator": "slosh_estimator.nodes.estimator_node",
-    "governor": "slosh_plan.nodes.governor_node",
     "markers": "slosh_bringup.nodes.markers_node",
     "monitor": "slosh_estimator.nodes.monitor_node",
     "planner": "slosh_plan.nodes.planner_node",
     "player": "slosh_bag.nodes.player_node",
     "predictor": "slosh_plan.nodes.predictor_node",
-    "relay": "slosh_plan.nodes.relay_node",
     "recorder": "slosh_bag.nodes.recorder_node",
     "sensor": "slosh_estimator.nodes.sensor_node",
     "watch": "slosh_bringup.nodes.watch_node",
 }
 # Those that end by themselves.
 ENDING = ("cell", "player")
-# Those that may be told that the liquid is at rest when they start.
-BEGINNING = ("estimator", "governor")
 # What it records must have ended before it does.
 LAST = "recorder"
 # Long enough for the recorder to finish its last chunk on a busy machine.
@@ -68,16 +64,18 @@ class NodeProcess:
         parameter_files: ROS parameter files, later ones win.
         parameters: single parameters, which win over the files.
         remappings: relative topic name -> the robot's topic.
+        module: with its `main`; empty: that of `known_nodes`.
     """
 
     name: str
     parameter_files: Sequence[Path] = ()
     parameters: Mapping[str, str] = field(default_factory=dict)
     remappings: Mapping[str, str] = field(default_factory=dict)
+    module: str = ""
 
     def command(self, namespace: str) -> list[str]:
         """Returns the command that starts the node, as a list of words."""
-        words = [sys.executable, "-m", module_of(self.name), "--ros-args"]
+        words = [sys.executable, "-m", self.module or module_of(self.name), "--ros-args"]
         words += ["-r", f"__ns:={namespace}", "-r", f"__node:={self.name}"]
         for path in self.parameter_files:
             words += ["--params-file", str(path)]
@@ -296,6 +294,11 @@ def pause(recent: int) -> float:
     return min(2.0 ** (recent - 1), LONGEST_PAUSE)
 
 
+def _begins() -> set[str]:
+    """Names the nodes of add-ons that may be told that the liquid is at rest when they start."""
+    return {one.node for one in cell_nodes().values() if one.begins}
+
+
 def restarted(process: NodeProcess, ends: int) -> NodeProcess:
     """Returns the start settings for restarting a node in the middle of a motion.
 
@@ -304,7 +307,7 @@ def restarted(process: NodeProcess, ends: int) -> NodeProcess:
         ends: how often it has ended so far.
     """
     own: Mapping[str, str] = process.parameters
-    if process.name in BEGINNING:
+    if process.name == "estimator" or process.name in _begins():
         own = {**own, "starts_at_rest": "false"}
     if process.name == LAST:
         # What has been recorded stays as it is.

@@ -13,7 +13,7 @@ from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_camera.calibrate.scale import calibrate_by_scale
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.calibration import SideCalibration
-from slosh_model.potential_flow import finite_elements
+from slosh_testing.mode_solver import needs_solver
 
 LEFT, RIGHT, LEVEL, WIDTH = 100, 340, 200, 0.12
 ENDS = ["--scale", "100", "200", "340", "200"]
@@ -55,9 +55,7 @@ def test_heights_are_those_of_the_images_plane_with_the_scales_error(images, cap
     assert float(rows[0]["msh_stddev"]) < 1.5e-4
 
 
-@pytest.mark.skipif(
-    not finite_elements.available(), reason="no scikit-fem (requirements/modes.txt)"
-)
+@needs_solver
 def test_a_trough_is_measured_along_its_y_as_a_rectangle_of_its_length(images):
     model, camera = images / "trough.yaml", images / "camera.yaml"
     model.write_text(

@@ -108,9 +108,9 @@ def test_a_node_gets_what_is_given(monkeypatch, tmp_path):
     file = tmp_path / "parameters.yaml"
     file.touch()
     words = ["-p", "model:=a:=b.yaml", "-p", "limit:=0.01", "-r", "imu:=/arm/imu"]
-    assert main(["node", "governor", *words, "--params-file", str(file)]) == 3
+    assert main(["node", "predictor", *words, "--params-file", str(file)]) == 3
     parameters = {"model": "a:=b.yaml", "limit": "0.01"}
-    process = NodeProcess("governor", [file], parameters, {"imu": "/arm/imu"})
+    process = NodeProcess("predictor", [file], parameters, {"imu": "/arm/imu"})
     assert started == [(process, "/slosh")]
 
 

@@ -147,7 +147,7 @@ def test_an_old_name_of_an_option_is_taken_and_not_shown(command, old, new, name
 
 
 @pytest.mark.parametrize(
-    ("typed", "offered"), [("pl", ["plan", "plc", "play"]), ("predict --li", ["--limit"])]
+    ("typed", "offered"), [("pla", ["plan", "play"]), ("predict --li", ["--limit"])]
 )
 def test_a_shell_completes_commands_and_options(tmp_path, typed, offered):
     """Calls the completion as the shell function of register-python-argcomplete does."""

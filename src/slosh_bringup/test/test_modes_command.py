@@ -7,18 +7,14 @@ import pytest
 
 from slosh_bringup.cli.main import main
 from slosh_model.model_text import read_model
-from slosh_model.potential_flow import finite_elements
 from slosh_model.shapes.cylinder import Cylinder
+from slosh_testing.mode_solver import needs_solver
 
 CUP = (
     "container: {shape: frustum, bottom_radius: 0.028, top_radius: 0.04, height: 0.09, "
     "fill_height: 0.06}\n"
 )
 KEYS = {"natural_frequency", "damping_ratio", "mass", "height_per_displacement"}
-
-needs_solver = pytest.mark.skipif(
-    not finite_elements.available(), reason="no scikit-fem (requirements/modes.txt)"
-)
 
 
 @pytest.fixture

@@ -17,15 +17,12 @@ from slosh_camera.errors import SloshCameraError
 from slosh_model.containers import SHAPES
 from slosh_model.liquid import Liquid
 from slosh_model.model_text import read_model
-from slosh_model.potential_flow import finite_elements
 from slosh_model.shapes import Frustum
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.shapes.rectangle import Rectangle
 from slosh_testing.commands import complaint
+from slosh_testing.mode_solver import needs_solver
 
-needs_solver = pytest.mark.skipif(
-    not finite_elements.available(), reason="no scikit-fem (requirements/modes.txt)"
-)
 ROUND = ["--diameter", "0.08", "--fill-height", "0.06"]
 SQUARE = ["--width", "0.1", "--depth", "0.07", "--fill-height", "0.06"]
 WHOLE = ["--rim-height", "0.11", "--wall", "0.002"]

@@ -18,8 +18,8 @@ from slosh_bringup.watch.state import (
 )
 from slosh_bringup.watch.verdict import CellVerdict, judge
 from slosh_model import Cylinder
-from slosh_model.potential_flow import finite_elements
 from slosh_model.shapes import LyingCylinder, Tray
+from slosh_testing.mode_solver import needs_solver
 
 SECOND = 1_000_000_000
 START_NS = 1_700_000_000 * SECOND
@@ -112,9 +112,7 @@ class TestFrames:
         assert "across" not in found["container"]
         assert found["container"]["plan"] == []
 
-    @pytest.mark.skipif(
-        not finite_elements.available(), reason="no scikit-fem (requirements/modes.txt)"
-    )
+    @needs_solver
     def test_a_container_that_looks_another_from_its_end_is_drawn_from_there_too(self):
         state = WatchState()
         state.take_container(LyingCylinder(radius=0.05, length=0.2, fill_height=0.04))

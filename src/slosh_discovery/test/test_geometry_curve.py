@@ -6,13 +6,11 @@ import pytest
 from slosh_discovery.identification_report import page
 from slosh_model import Model
 from slosh_model.parameters import DAMPING, FREQUENCY
-from slosh_model.potential_flow import finite_elements
 from slosh_model.shapes import Flask, Frustum
 from slosh_model.shapes.round_cups import RoundCup
+from slosh_testing.mode_solver import needs_solver
 
-pytestmark = pytest.mark.skipif(
-    not finite_elements.available(), reason="no scikit-fem (requirements/modes.txt)"
-)
+pytestmark = needs_solver
 CUP = Frustum(bottom_radius=0.028, top_radius=0.04, height=0.09, fill_height=0.06)
 NARROW = Flask(
     bottom_radius=0.02, neck_radius=0.018, shoulder_height=0.09, height=0.13, fill_height=0.06

@@ -8,12 +8,10 @@ from slosh_estimator.observer.observer import Observer
 from slosh_estimator.observer.states import WallHeights
 from slosh_estimator.sample import Sample
 from slosh_model import Inputs, Model, measured_heights, simulate
-from slosh_model.potential_flow import finite_elements
 from slosh_model.shapes import Prism
+from slosh_testing.mode_solver import needs_solver
 
-pytestmark = pytest.mark.skipif(
-    not finite_elements.available(), reason="no scikit-fem (requirements/modes.txt)"
-)
+pytestmark = needs_solver
 OUTLINES = {
     "scalene": ((0.0, 0.0), (0.1, 0.0), (0.04, 0.07)),
     "leaning isosceles": ((0.0, 0.0), (0.095534, 0.029552), (0.02117, 0.100757)),

@@ -213,7 +213,7 @@ TOPICS: tuple[Topic, ...] = (
     ),
     *(Topic(safe, kind, _ANSWER, remappable=True) for _, safe, kind in _JOINT_COMMANDS),
     Topic(SAFE_TWIST, "geometry_msgs/msg/TwistStamped", _ANSWER, remappable=True),
-    Topic(GOVERNED_MOTION, "slosh_msgs/msg/GovernedMotion", _ANSWER, page=True),
+    Topic(GOVERNED_MOTION, "slosh_msgs/msg/GovernedMotion", _ANSWER),
     Topic(
         STOP_TRAJECTORY, "trajectory_msgs/msg/MultiDOFJointTrajectory", _ANSWER,
         remappable=True, latched=True,

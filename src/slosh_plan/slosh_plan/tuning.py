@@ -1,4 +1,4 @@
-"""Tuning numbers of planned, scaled, shaped and stopped motions."""
+"""Tuning numbers of planned, scaled and shaped motions."""
 
 from __future__ import annotations
 
@@ -109,77 +109,6 @@ class PlanTuning:
     gantry_reserve: float = number(0.02, "1", "part of the height for moves that are not tried")
     gantry_short: float = number(0.05, "1", "shortest push by the liquid's period")
     gantry_exact: float = number(5e-3, "1", "part by which a limit may be too low")
-    # governor/governor.py
-    governor_rate: float = number(100.0, "Hz", "steps a second, unless another rate is given")
-    governor_timeout: float = number(0.1, "s", "time for which a command holds")
-    governor_late: float = number(3.0, "period", "time between two steps that is late")
-    governor_missed: float = number(0.85, "period", "delay of a step for which one was left out")
-    governor_fastest: float = number(20.0, "m/s", "speed above which a command is an error")
-    governor_unlikely: float = number(2.0, "m/s", "speed above which a unit is doubted")
-    governor_phase: float = number(0.2, "rad", "phase of the fastest mode between two rows, ωh")
-    governor_tail: float = number(0.6, "period", "periods of the first mode after a stop")
-    governor_tilted_tail: float = number(1.1, "period", "the same where the container may tilt")
-    governor_modes_tail: float = number(2.0, "period", "the same for models with several modes")
-    governor_first: float = number(2.0, "period", "duration of the first stop, in its periods")
-    governor_least: float = number(
-        16.0, "step", "duration of the shortest stop while a command is followed"
-    )
-    governor_longest: float = number(1.2, "s", "longest stop")
-    governor_reserve: float = number(0.04, "1", "part by which heights are raised")
-    governor_spread: float = number(
-        0.4, "1", "part of the difference of heights that is added for liquids between two"
-    )
-    governor_ratio: float = number(1.06, "1", "ratio of two durations that are tried")
-    governor_early: float = number(0.5, "1", "step of the first bump of a stop")
-    governor_late_bump: float = number(1.0, "1", "step of the second one")
-    governor_enough: float = number(0.9, "1", "part of the limit below which stops are alike")
-    governor_haste: float = number(0.3, "1/s", "part of the limit that a second of a stop costs")
-    governor_past: int = number(256, "1", "steps that an observed state may be behind")
-    # governor/unknown.py and governor/seen.py
-    governor_unknown: float = number(
-        0.5, "1", "part of the limit that is left to an unknown wave; more of it is not safe"
-    )
-    governor_grain: float = number(0.02, "1", "steps of an unknown wave, by the limit")
-    governor_still: float = number(1e-7, "m", "height below which an unknown wave is none")
-    governor_nudged: float = number(1e-3, "m", "way by which others have moved a container")
-    governor_memory: float = number(5.0, "period", "time over which an observer is proven")
-    governor_answered: float = number(
-        2.0, "period", "time after which an observer has answered to a motion"
-    )
-    governor_driven: float = number(0.1, "1", "driven wave that proves one, by the limit")
-    governor_unlike: float = number(0.35, "1", "part of it that may be missed")
-    governor_pull: float = number(4.0, "1/s", "speed towards a target by the distance")
-    governor_beyond: float = number(
-        0.1, "rad", "joint target so far beyond its limits is taken as at them"
-    )
-    governor_slack: float = number(0.01, "1", "part of a joint's velocity limit that is left")
-    governor_moved: float = number(
-        0.01, "rad", "joint that was moved so far by others begins anew"
-    )
-    # governor/inverse.py and governor/carrier.py
-    governor_damping: float = number(1e-4, "m", "singular value at which joints hardly follow")
-    governor_stray: float = number(0.001, "m", "predicted joints miss the container by so much")
-    governor_unreached: float = number(0.01, "1", "part of a velocity that joints do not reach")
-    governor_carried: float = number(
-        0.02, "1", "part of a carrying joint's velocity limit that is left between samples"
-    )
-    governor_carried_change: float = number(
-        0.05, "1", "the same of its acceleration and jerk limits"
-    )
-    governor_carried_place: float = number(1e-3, "rad", "the same of its range, at both ends")
-    governor_upright: float = number(0.02, "rad", "tilt up to which a container is upright")
-    governor_slowest: float = number(
-        0.03, "m/s", "speed in each direction that joints allow where a container stops"
-    )
-    governor_measured: float = number(
-        1e-4, "rad", "measured joint that is so far from the computed one moved at rest"
-    )
-    governor_unheard: float = number(
-        0.5, "s", "time without joint states of a carrying robot that is a stop"
-    )
-    governor_strayed: float = number(
-        0.3, "rad", "distance of a moving robot's joint from the governor's that is a stop"
-    )
     # consistency.py
     window: float = number(0.1, "s", "window over which two fields are compared")
     window_samples: int = number(4, "1", "sampling intervals of that window, at least")

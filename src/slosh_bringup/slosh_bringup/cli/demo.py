@@ -3,28 +3,50 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import sys
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
+from slosh_base.addons import add_ons
 from slosh_base.files import write_text
 from slosh_base.files.plain_text import plain_line
-from slosh_bringup.cell.governed_cup import commanded_velocity
 from slosh_bringup.cell.motion_source import REPEATS, TABLE_ENDINGS, load_motion
-from slosh_bringup.cell.motions import MOTIONS
+from slosh_bringup.cell.motions import MOTIONS, CellMotion
 from slosh_bringup.cell.simulated_camera import write_simulated_camera
 from slosh_bringup.cli.live import add_watch, run_live
 from slosh_bringup.cli.progress import progress_bar
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.live.cell_setup import default_setup
+from slosh_bringup.live.cell_setup import CellSetup, default_setup
 from slosh_bringup.live.run import LiveRun
 from slosh_bringup.processes import NodeProcess, config_folder
 from slosh_model.model_text import read_model
-from slosh_msgs_py import topics
-from slosh_plan.tuning import TUNING
 
 CAMERA = "simulated_camera"
 STARTING = 3.0  # s; from ready nodes to the motion and behind its end, for the progress bar
+
+
+class Demo(NamedTuple):
+    """What `slosh demo` runs; options of add-ons may change it.
+
+    Attributes:
+        setup: of the cell's nodes.
+        given: parameters of the simulated cell.
+        motion: that is played.
+        cell: module of the simulated cell's node; empty: the core's own.
+    """
+
+    setup: CellSetup
+    given: Mapping[str, str]
+    motion: CellMotion
+    cell: str = ""
+
+
+def _further() -> list[Any]:
+    """Returns the modules of add-ons with further options."""
+    return [importlib.import_module(name) for one in add_ons() for name in one.demo_options]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -64,11 +86,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="simulate an opaque container on a force sensor, without a camera; its payload is "
         "identified first",
     )  # fmt: skip
-    parser.add_argument(
-        "--governor", action="store_true",
-        help="send the motion's velocity as commands to the governor node, and move the container "
-        "by its output, which keeps the sloshing height below 20 mm",
-    )  # fmt: skip
+    for option in _further():
+        option.add_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print the results as JSON")
     add_watch(parser)
 
@@ -100,10 +119,6 @@ def run(arguments: argparse.Namespace) -> int:
         raise SloshBringupError(
             f"--repeat {arguments.repeat}: must be from {REPEATS[0]} to {REPEATS[1]}"
         )
-    if arguments.governor and arguments.force:
-        raise SloshBringupError(
-            "--governor and --force: the force sensor is simulated for a known motion; give one"
-        )
     name = arguments.motion
     motion = load_motion(name, 100.0, tell)
     # The node has a working folder of its own.
@@ -131,17 +146,18 @@ def run(arguments: argparse.Namespace) -> int:
             setup, model=arguments.model.resolve(),
             calibration=camera if isinstance(camera, Path) else None,
         )  # fmt: skip
-    if arguments.governor:
-        commanded_velocity(motion)
-        setup = replace(setup, govern=topics.TWIST, at_rest=True)
-        given |= {"govern": str(TUNING.governor_rate)}
+    demo = Demo(setup, given, motion)
+    for option in _further():
+        demo = option.changed(arguments, demo)
+    setup, given = demo.setup, dict(demo.given)
     if arguments.force:
         setup = replace(
             setup, calibration=None, force=_identified(arguments.output, given["model"])
         )
         given |= {"camera": "false", "force_every": "2"}
     nodes = [process.name for process in setup.processes(Path())]
-    simulated = NodeProcess("cell", [setup.parameters], {**given, "wait_for": ",".join(nodes)})
+    given["wait_for"] = ",".join(nodes)
+    simulated = NodeProcess("cell", [setup.parameters], given, module=demo.cell)
     length = STARTING + arguments.repeat * motion.duration
     title = f"Simulated cell, motion {motion.name}"
     run = LiveRun("demo", setup, arguments.output, title, simulated, arguments.watch)

@@ -17,9 +17,9 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, TextIO, cast
 
+from slosh_base.addons import add_ons
 from slosh_base.files.new_file import keep_others_from_writing
 from slosh_base.files.plain_text import PlainStream, plain_line
-from slosh_bringup.addons import add_ons
 from slosh_bringup.cli.parser import EXIT_WRONG_INPUT, SloshParser, grouped_help
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.stop_request import StopRequest

@@ -20,15 +20,15 @@ from slosh_model.errors import SloshModelError
 from slosh_model.mode_table import ModeRow, mode_table
 from slosh_model.model import Model
 from slosh_model.model_text import read_model, write_model
-from slosh_model.potential_flow.tuning import TUNING
+from slosh_model.shapes.mode_numbers import FILM
 from slosh_model.shapes.profiled import INSIDE
 
 SURFACE_PLACES = 21
 _AWAY = 0.999
 """Part of the distance to the wall below which a crest is away from it."""
 EPILOG = """The modes of a container with a contour (shape: revolution, prism, trough, ...) are
-computed once with scikit-fem and cached. With -o they are stored in a model file, which can be
-read without scikit-fem.
+computed once by the add-on slosh_shapes and cached. With -o they are stored in a model file, which
+can be read without it.
 
 columns:
   azimuth    direction of the motion from the container's +x
@@ -149,7 +149,7 @@ def _remarks(model: Model, rows: tuple[ModeRow, ...]) -> list[str]:
     ]
     if model.damping_ratio is None and model.container.digest:
         found.append(
-            f"Damping is that of the wetted wall and {100.0 * TUNING.film:.0f} % of a surface "
+            f"Damping is that of the wetted wall and {100.0 * FILM:.0f} % of a surface "
             "film that does not yield; slosh identify measures it."
         )
     if math.isfinite(limit):

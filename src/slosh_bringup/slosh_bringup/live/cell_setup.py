@@ -9,6 +9,7 @@ from typing import Any
 
 from slosh_bag.mcap_files.remote_path import is_url
 from slosh_bag.store.motion_ingest import PARAMETER as MOTIONS
+from slosh_base.addons import cell_nodes
 from slosh_base.files.errors import SloshFileError
 from slosh_base.files.file_version import CELL, read_versioned
 from slosh_base.files.nearest import did_you_mean
@@ -20,9 +21,7 @@ from slosh_msgs_py import topics
 from slosh_msgs_py.errors import SloshMessageError
 
 NAMESPACE = topics.NAMESPACE
-NODES_OF_A_CELL = (
-    "recorder", "estimator", "camera", "sensor", "monitor", "governor", "plc", "markers"
-)  # fmt: skip
+NODES_OF_A_CELL = ("recorder", "estimator", "camera", "sensor", "monitor")
 """In the order of their start: what the recorder records must not have begun."""
 REMAPPABLE = (
     *(topic.name for topic in topics.TOPICS if topic.remappable),
@@ -48,7 +47,6 @@ class CellSetup:
         namespace: of all nodes.
         remap: relative topic -> the robot's topic.
         reading: parameters of the estimator that say what drives it, as far as they are given.
-        plc: whether the cell's state is served to controllers; see slosh_plc.
         markers: whether the surface is published for RViz and Foxglove.
         hardware_id: of the cell in diagnostics, such as a serial number; empty: its namespace.
         force: identification.json of the payload on a force sensor; None: there is none.
@@ -56,9 +54,8 @@ class CellSetup:
         record: of RECORD; empty: as the recorder's parameters have it.
         store_motions: folder or URL of the store that gets the recording's motions at its end, the
             recorder's parameter of that name; empty: as the recorder's parameters have it.
-        govern: kind of the commands that the governor limits, of topics.COMMANDING; empty: it is
-            not started.
-        at_rest: whether the liquid is known to be at rest when the governor starts.
+        added: what is given for each node of an add-on that is started, by its key.
+        parameters_of: further parameters by node.
     """
 
     model: Path
@@ -69,12 +66,11 @@ class CellSetup:
     reading: Mapping[str, str] = field(default_factory=dict)
     record: str = ""
     force: Path | None = None
-    plc: bool = False
     markers: bool = False
     hardware_id: str = ""
     cameras: Mapping[str, Path] = field(default_factory=dict)
-    govern: str = ""
-    at_rest: bool = False
+    added: Mapping[str, str] = field(default_factory=dict)
+    parameters_of: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     store_motions: str = ""
 
     @property
@@ -98,22 +94,32 @@ class CellSetup:
             del own["camera"]
         if self.calibration is None and self.force is None:
             own["monitor"] = {"camera": "false"}
-        if self.plc:
-            own["plc"] = {}
-        if self.markers:
-            own["markers"] = {}
         if self.cameras:
             own["monitor"]["cameras"] = ",".join(self.cameras)
-        if self.govern:
-            robot = {key: self.reading[key] for key in ROBOT if key in self.reading}
-            own["governor"] = {"model": str(self.model), "command": self.govern, **robot}
-            if self.at_rest:
-                own["governor"]["starts_at_rest"] = "true"
         names = [name for name in NODES_OF_A_CELL if name in own]
+        for node, parameters in self._of_add_ons().items():
+            own[node] = parameters
+            names.append(node)
+        if self.markers:
+            own["markers"] = {}
+            names.append("markers")
+        for node, further in self.parameters_of.items():
+            own[node] |= further
         for container, name in self.camera_nodes.items():
             own[name] = {"calibration": str(self.cameras[container]), "container": container}
             names.insert(names.index("monitor"), name)
         return [NodeProcess(name, [self.parameters], own[name], self.remap) for name in names]
+
+    def _of_add_ons(self) -> dict[str, dict[str, str]]:
+        """Returns the parameters of each node of an add-on that is started."""
+        known = {"model": str(self.model), **self.reading}
+        found = {}
+        for key, given in self.added.items():
+            node = cell_nodes()[key]
+            found[node.node] = {name: known[name] for name in node.takes if name in known}
+            if node.parameter:
+                found[node.node][node.parameter] = given
+        return found
 
 
 def default_setup() -> CellSetup:
@@ -145,18 +151,17 @@ def read_setup(path: Path) -> CellSetup:
         "remap",
         "record",
         "force",
-        "plc",
         "markers",
         "hardware_id",
-        "govern",
         MOTIONS,
         *READING,
+        *cell_nodes(),
     )
     for key in document:
         if key not in known:
             raise SloshBringupError(
-                f"{source.where(key)}: unknown key {shown(key)} (known: {', '.join(known)})"
-                f"{did_you_mean(key, known)}"
+                f"{source.where(key)}: unknown key {shown(key)} (known: {', '.join(known)}; "
+                f"others need their add-on){did_you_mean(key, known)}"
             )
     default = default_setup()
     namespace = read_namespace(source, document.get("namespace", NAMESPACE))
@@ -172,9 +177,8 @@ def read_setup(path: Path) -> CellSetup:
         remap=read_remap(source, namespace, document.get("remap") or {}, tuple(cameras)),
         reading=_reading(source),
         record=_one_of(source, "record", RECORD),
-        govern=_one_of(source, "govern", tuple(topics.COMMANDING)),
+        added=_added(source),
         force=_file(source, "force") if "force" in document else None,
-        plc=_flag(source, "plc"),
         markers=_flag(source, "markers"),
         hardware_id=_hardware_id(source),
         store_motions=_store(source),
@@ -187,6 +191,19 @@ def _one_of(source: YamlDocument, key: str, known: Sequence[str]) -> str:
     if key in source.value and value not in known:
         raise SloshBringupError(f"{source.at(key)} = {shown(value)} must be {' or '.join(known)}")
     return str(value)
+
+
+def _added(source: YamlDocument) -> dict[str, str]:
+    """Returns what the cell file gives for the nodes of add-ons, by key."""
+    found = {}
+    for key, node in cell_nodes().items():
+        if node.choices:
+            given = _one_of(source, key, node.choices)
+        else:
+            given = "true" if _flag(source, key) else ""
+        if given:
+            found[key] = given
+    return found
 
 
 def _store(source: YamlDocument) -> str:

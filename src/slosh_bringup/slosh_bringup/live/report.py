@@ -230,6 +230,5 @@ def _facts(result: LiveResult) -> tuple[Fact, ...]:
     if result.figures is not None:
         lost = str(sum(result.figures.lost.values()))
         facts.append(Fact("messages lost", lost))
-        if result.figures.governed is not None:
-            facts += [Fact(*row) for row in result.figures.governed.rows().items()]
+        facts += [Fact(*row) for row in result.figures.rows.items()]
     return tuple(facts)

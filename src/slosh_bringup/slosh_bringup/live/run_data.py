@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from slosh_bag.reader import TopicInfo, stamp_ns
 from slosh_base.types import Array
-from slosh_bringup.cell.governed_cup import GovernedOutcome
 from slosh_msgs_py.topics import COMPARISON
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording.facts import lost_messages, shared_topics_line
@@ -64,7 +63,7 @@ class RunData:
             noted; without a topic where it is not known.
         further: (M, columns) of the comparisons of each container behind a tray's first that has
             a camera, by its name, in the order of `columns`.
-        governed: what the simulated cell's governor made of its commands; None: it has none.
+        values, rows: what the simulated cell found besides, for JSON and as texts, by name.
         mixed: what the recorder noted of several publishers on topics of one; empty: nothing.
     """
 
@@ -82,7 +81,8 @@ class RunData:
     noted_lost: Mapping[str, int] = field(default_factory=dict)
     mixed: str = ""
     further: Mapping[str, Array] = field(default_factory=dict)
-    governed: GovernedOutcome | None = None
+    values: Mapping[str, Any] = field(default_factory=dict)
+    rows: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def seconds(self) -> Array:
@@ -125,7 +125,8 @@ class _Gathered:
     published: dict[str, int] = field(default_factory=dict)
     diagnostics: dict[str, dict[str, str]] = field(default_factory=dict)
     models: tuple[str, str] = ("L", "NL")
-    governed: GovernedOutcome | None = None
+    values: dict[str, Any] = field(default_factory=dict)
+    rows_told: dict[str, str] = field(default_factory=dict)
 
 
 def read_run(run: RecordedRun) -> RunData:
@@ -160,7 +161,8 @@ def read_run(run: RecordedRun) -> RunData:
         diagnostics=gathered.diagnostics,
         models=gathered.models,
         warnings=tuple(reader.warnings),
-        governed=gathered.governed,
+        values=gathered.values,
+        rows=gathered.rows_told,
         mixed=shared_topics_line(facts),
         noted_lost=lost_messages(facts),
         further={
@@ -222,8 +224,9 @@ def _take_event(gathered: _Gathered, message: Any) -> None:
 def _take_summary(gathered: _Gathered, message: Any) -> None:
     told = json.loads(message.data)
     gathered.published.update(told["published"])
-    if "governed" in told:
-        gathered.governed = GovernedOutcome(**told["governed"])
+    results = told.get("results", {})
+    gathered.values.update(results.get("values", {}))
+    gathered.rows_told.update(results.get("rows", {}))
 
 
 def _take_diagnostics(gathered: _Gathered, message: Any) -> None:

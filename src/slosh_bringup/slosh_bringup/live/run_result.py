@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_bringup.cell.governed_cup import GovernedOutcome
 from slosh_bringup.live.run_data import COLUMNS, RunData
 from slosh_estimator.sight import UNSOUND, judged
 from slosh_metrics.metrics import mean_absolute_error, peak_error, rms_error
@@ -47,7 +46,7 @@ class RunResult:
         lost: messages by topic that were published but not recorded; see `RunData.lost`.
         dropped: samples that nodes dropped, by node and reason.
         events: number of excesses of limits.
-        governed: what a governor made of the simulated cell's commands; None: there was none.
+        values, rows: what the simulated cell found besides, for JSON and as texts, by name.
     """
 
     agreements: tuple[SeriesAgreement, ...]
@@ -55,7 +54,8 @@ class RunResult:
     lost: Mapping[str, int]
     dropped: Mapping[str, int]
     events: int
-    governed: GovernedOutcome | None = None
+    values: Mapping[str, Any] = field(default_factory=dict)
+    rows: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def lost_line(self) -> str:
@@ -76,7 +76,10 @@ class RunResult:
             node: plain({"median": median, "maximum": greatest})
             for node, (median, greatest) in self.latency.items()
         }
-        return {**plain(self), "latency": latency}
+        own = {
+            name: value for name, value in plain(self).items() if name not in ("values", "rows")
+        }
+        return {**own, "latency": latency, **plain(self.values)}
 
 
 def evaluate(data: RunData) -> RunResult:
@@ -109,7 +112,8 @@ def evaluate(data: RunData) -> RunResult:
         lost=data.lost(),
         dropped=_dropped(data),
         events=len({event.id for event in data.events}),
-        governed=data.governed,
+        values=data.values,
+        rows=data.rows,
     )
 
 
@@ -154,8 +158,7 @@ def table(result: RunResult) -> str:
     lines.append(f"lost messages       {sum(result.lost.values())}{_which(result.lost)}")
     lines.append(f"dropped samples     {sum(result.dropped.values())}{_which(result.dropped)}")
     lines.append(f"limit events        {result.events}")
-    governed = result.governed.rows() if result.governed else {}
-    lines += [f"{label:<20}{text}" for label, text in governed.items()]
+    lines += [f"{label:<20}{text}" for label, text in result.rows.items()]
     return "\n".join(lines)
 
 

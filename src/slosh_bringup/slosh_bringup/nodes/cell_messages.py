@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import AccelStamped, PoseStamped, TwistStamped, WrenchStamped
+from geometry_msgs.msg import AccelStamped, PoseStamped, WrenchStamped
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu
 from std_msgs.msg import String
 
@@ -31,8 +31,6 @@ PUBLISHED = (
     (topics.SUMMARY, String, qos.EVENT),
 )
 """Topic, type and quality of service of everything that the cell publishes."""
-COMMANDED = (topics.DESIRED_TWIST, TwistStamped, qos.STREAM_OUT)
-"""The same of the operator's commands, where a governor follows them."""
 
 
 def accel_message(stamp: Any, acceleration: Array) -> AccelStamped:
@@ -41,15 +39,6 @@ def accel_message(stamp: Any, acceleration: Array) -> AccelStamped:
     message.header.stamp, message.header.frame_id = stamp, WORLD_FRAME
     linear = message.accel.linear
     linear.x, linear.y, linear.z = acceleration.tolist()
-    return message
-
-
-def twist_message(stamp: Any, velocity: Array) -> TwistStamped:
-    """Creates a TwistStamped message with a velocity in world axes [m/s]."""
-    message = TwistStamped()
-    message.header.stamp, message.header.frame_id = stamp, WORLD_FRAME
-    linear = message.twist.linear
-    linear.x, linear.y, linear.z = velocity.tolist()
     return message
 
 

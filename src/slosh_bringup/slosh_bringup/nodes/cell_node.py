@@ -6,26 +6,24 @@ import json
 import sys
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from threading import Event
-from typing import Any
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from std_msgs.msg import String
 
 from slosh_base.compiled.compilation import load_telling
-from slosh_bringup.cell.governed_cup import CupSample, GovernedCup
 from slosh_bringup.cell.motion_source import REPEATS, load_motion
 from slosh_bringup.cell.renderer import CupRenderer, GrayImage, GreyLevels
 from slosh_bringup.cell.truth import Push, integrate_truth, read_sensors
 from slosh_bringup.cell_watch import reports
-from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.nodes.cell_messages import (
     CAMERA_FRAME,
-    COMMANDED,
     PUBLISHED,
     accel_message,
     camera_info,
@@ -34,11 +32,9 @@ from slosh_bringup.nodes.cell_messages import (
     pose_message,
     truth_message,
 )
-from slosh_bringup.nodes.governed_play import GovernedPlay
 from slosh_bringup.processes import config_folder
 from slosh_bringup.ready_wait import PATIENCE, ReadyWait, sentence
 from slosh_camera.calibrate.camera_file import read_calibration
-from slosh_model.constants import GRAVITY
 from slosh_model.model_text import read_model
 from slosh_msgs_py import images, qos, topics
 from slosh_msgs_py.node.diagnostics import OK, WARN, Health
@@ -54,13 +50,10 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     topics.IMAGE: (topics.IMAGE, topics.IMAGE_COMPRESSED),
     topics.ESTIMATE: (topics.ESTIMATE,),
     topics.FREE_SURFACE: (topics.FREE_SURFACE,),
-    topics.DESIRED_TWIST: (topics.DESIRED_TWIST,),
 }
 """Topics that must be read before there is a motion, by the name of their kind."""
 OF_CAMERA = (topics.IMAGE, topics.FREE_SURFACE)
 """Those that nobody reads where there is no camera."""
-OF_GOVERNOR = (topics.DESIRED_TWIST,)
-"""Those that nobody reads where there is no governor."""
 SETTLED = 1.0  # s; for so long nobody new has come: a recorder finds its topics one by one
 POLL = 0.05
 
@@ -74,7 +67,7 @@ class ReadyCell:
         readers: how many nodes must read each of GROUPS.
         patience: after so long without news it is given up [s].
         camera: whether images are published.
-        governed: whether a governor's commands are.
+        commands: topics that must be read, too.
     """
 
     def __init__(
@@ -85,11 +78,12 @@ class ReadyCell:
         patience: float,
         *,
         camera: bool = True,
-        governed: bool = False,
+        commands: Sequence[str] = (),
     ) -> None:
         self._node, self._readers, self._patience = node, readers, patience
-        unread = (*(() if camera else OF_CAMERA), *(() if governed else OF_GOVERNOR))
-        self._kinds = [kind for kind in GROUPS if kind not in unread]
+        unread = () if camera else OF_CAMERA
+        groups = {kind: names for kind, names in GROUPS.items() if kind not in unread}
+        self._groups = groups | {name: (name,) for name in commands}
         self._namespace = node.get_namespace()
         self._wait = ReadyWait(names, time.monotonic(), patience)
         self._own = node.get_name()
@@ -120,7 +114,7 @@ class ReadyCell:
         began = settled = time.monotonic()
         before: Mapping[str, set[str]] = {}
         while not stop.wait(POLL):
-            now, there = time.monotonic(), {kind: self._reading(kind) for kind in self._kinds}
+            now, there = time.monotonic(), {kind: self._reading(kind) for kind in self._groups}
             if there != before:
                 before, settled = there, now
             self._unread = self._lacking(there)
@@ -142,7 +136,7 @@ class ReadyCell:
         """Returns the names of the nodes that subscribe to a kind of topics, such as images."""
         return {
             node_of(info)
-            for topic in GROUPS[kind]
+            for topic in self._groups[kind]
             for info in self._node.get_subscriptions_info_by_topic(
                 self._node.resolve_topic_name(topic)
             )
@@ -207,13 +201,6 @@ PARAMETERS = (
     ParameterSpec("seed", 1, "seed of all noise", (0, 2**31 - 1)),
     ParameterSpec("repeat", 1, "number of times that the motion is played", REPEATS),
     ParameterSpec(
-        "govern",
-        0.0,
-        "rate of the governor that receives the motion's velocity as commands and moves the "
-        "container [Hz], equal to its parameter rate; 0: no governor",
-        (0.0, 1000.0),
-    ),
-    ParameterSpec(
         "wait_for",
         "",
         "names of nodes that must be ready before the motion starts, separated by commas",
@@ -238,11 +225,20 @@ class CellNode(PreparedNode):
 
     Args:
         later: it gets ready by `run_node`.
+
+    Attributes:
+        parameters: that it declares.
+        published: topic, type and quality of service of what it publishes.
+        commands: topics of that which others must read, too.
     """
+
+    parameters: ClassVar[tuple[ParameterSpec, ...]] = PARAMETERS
+    published: ClassVar[tuple[tuple[str, Any, QoSProfile], ...]] = PUBLISHED
+    commands: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, *, later: bool = False) -> None:
         super().__init__("cell")
-        self._given = given = declare(self, PARAMETERS)
+        self._given = given = declare(self, self.parameters)
         config = config_folder()
         self._model = read_model(given["model"] or config / "truth.yaml")
         self._motion = load_motion(
@@ -256,22 +252,15 @@ class CellNode(PreparedNode):
             self._renderer = CupRenderer(calibration.view, look)
             self._info = camera_info(calibration)
         self._push = Push(given["push_at"], given["push"]) if given["push_at"] >= 0.0 else None
-        self._play_governed: GovernedPlay | None = None
-        published = list(PUBLISHED)
-        if given["govern"]:
-            period = 1.0 / given["govern"]
-            cup = GovernedCup(self._model, given["rate"], period, self._push)
-            self._play_governed = GovernedPlay(self, self._motion, cup, period)
-            published.append(COMMANDED)
         self._pub = {
             topic: self.create_publisher(kind, topic, profile)
-            for topic, kind, profile in published
+            for topic, kind, profile in self.published
         }
         self._counts = dict.fromkeys(self._pub, 0)
         names = [name.strip() for name in given["wait_for"].split(",") if name.strip()]
         self._others = ReadyCell(
             self, names, given["readers"], given["patience"], camera=given["camera"],
-            governed=self._play_governed is not None,
+            commands=self.commands,
         )  # fmt: skip
         self.failure = ""
         self._latest = 0.0
@@ -346,10 +335,7 @@ class CellNode(PreparedNode):
         self._playing = True
         camera = threading.Thread(target=self._film, args=(start_ns,), name="camera", daemon=True)
         camera.start()
-        if self._play_governed is None:
-            self._move(start_ns)
-        else:
-            self._follow(start_ns, self._play_governed)
+        self._move(start_ns)
         camera.join()
         self._publish(topics.SUMMARY, String(data=json.dumps(self._summary())))
         self._report.report()
@@ -359,10 +345,7 @@ class CellNode(PreparedNode):
         prefix = self.get_namespace().rstrip("/")
         published = {f"{prefix}/{topic}": count for topic, count in self._counts.items() if count}
         published[f"{prefix}/{topics.SUMMARY}"] = 1
-        found = {"motion": self._motion.name, "published": published}
-        if self._play_governed is not None:
-            found["governed"] = self._play_governed.outcome.document()
-        return found
+        return {"motion": self._motion.name, "published": published}
 
     def _wait_until(self, t: float) -> bool:
         """Sleeps until a time of the motion; returns False if the node should end."""
@@ -389,42 +372,13 @@ class CellNode(PreparedNode):
                     self._publish(topics.FORCE, force_message(stamp, self._force[due]))
                 due += 1
 
-    def _follow(self, start_ns: int, play: GovernedPlay) -> None:
-        """Publishes the motion as commands, and samples of the motion that the governor allows."""
-        every, noise = self._given["imu_every"], self._given["acceleration_noise"]
-        random = np.random.default_rng(self._given["seed"])
-        still, upright, sent = np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), 0
-
-        def send(stamp_ns: int, sample: CupSample) -> None:
-            nonlocal sent
-            stamp, measured = to_time(stamp_ns), noise * random.standard_normal((2, 3))
-            felt = sample.acceleration + measured[0]
-            self._publish(topics.ACCEL, accel_message(stamp, felt))
-            if every and sent % every == 0:
-                force = sample.acceleration + [0.0, 0.0, GRAVITY] + measured[1]
-                self._publish(topics.IMU, imu_message(stamp, force, still))
-                self._publish(topics.POSE, pose_message(stamp, sample.position, upright))
-            sent += 1
-
-        try:
-            play.run(start_ns, self._publish, send, self._stop)
-        except SloshBringupError as error:
-            self.failure = str(error)
-        self._latest = play.late
-
     def _heights(self, t: float) -> tuple[float, float]:
-        """Returns exact liquid heights [m] at the wall at a time; waits for a governed motion."""
-        play = self._play_governed
-        if play is None:
-            return self._truth.at(t)
-        while not play.knows(t) and not self._stop.wait(TICK):
-            pass
-        return play.heights(t)
+        """Returns exact liquid heights [m] at the wall at a time since the start [s]."""
+        return self._truth.at(t)
 
     @property
     def _duration(self) -> float:
-        play = self._play_governed
-        return self._motion.duration if play is None else play.duration
+        return self._motion.duration
 
     def _film(self, start_ns: int) -> None:
         """Renders and publishes camera images and exact heights at the camera's rate.
@@ -461,10 +415,10 @@ class CellNode(PreparedNode):
         self._publish(topics.CAMERA_INFO, self._info)
 
 
-def main() -> int:
-    """Runs the simulated cell node."""
+def main(kind: type[CellNode] = CellNode) -> int:
+    """Runs the simulated cell node, or another kind of it."""
     cv2.setNumThreads(1)  # small images; the other core belongs to the nodes
-    return run_node(lambda: CellNode(later=True), finished=lambda node: node.finished)
+    return run_node(lambda: kind(later=True), finished=lambda node: node.finished)
 
 
 if __name__ == "__main__":

@@ -37,13 +37,13 @@ from slosh_msgs.msg import (
     Calm,
     FreeSurface,
     FusedEstimate,
-    GovernedMotion,
     LimitEvent,
     NodeSettings,
     SloshComparison,
     SloshEstimate,
 )
 from slosh_msgs_py import qos, topics
+from slosh_msgs_py.conversions import find_type
 from slosh_msgs_py.node.diagnostics import OK, DiagnosticsReporter, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.polled import PolledNode, take
@@ -88,7 +88,9 @@ class WatchNode(PolledNode):
         self._add(FusedEstimate, topics.FUSED_ESTIMATE, qos.STREAM_IN, self._on_fused)
         self._add(Calm, topics.CALM, qos.STREAM_IN, self._on_calm)
         self._add(SloshComparison, topics.COMPARISON, qos.STREAM_IN, self._on_comparison)
-        self._add(GovernedMotion, topics.GOVERNED_MOTION, qos.NEWEST_IN, self._on_governed)
+        types = {row.name: row.type for row in topics.TOPICS}
+        for topic, hear in hearing.figures().items():
+            self._add(find_type(types[topic]), topic, qos.NEWEST_IN, self._on_figure(hear))
         self._others = OtherCells(self, self.subscribe_polled, self.drop_polled, take)
         self._estimates: Subscription | None = None
         self._images: tuple[Subscription, Any] | None = None
@@ -191,8 +193,8 @@ class WatchNode(PolledNode):
     def _on_calm(self, message: Calm) -> None:
         hearing.hear_calm(self._state, message, time.monotonic())
 
-    def _on_governed(self, message: GovernedMotion) -> None:
-        hearing.hear_governed(self._state, message, time.monotonic())
+    def _on_figure(self, hear: hearing.Hear) -> Callable[[Any], None]:
+        return lambda message: hear(self._state, message, time.monotonic())
 
     def _on_surface(self, message: FreeSurface) -> None:
         self._surfaces.append(message)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from importlib.util import find_spec
 
-from slosh_model.tray import TRAY
-from slosh_msgs_py.topics import GOVERNED_MOTION
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.replay.replay_bag import IN_LOG_ORDER
 from slosh_replay.replay.result import ReplayResult
@@ -32,12 +30,9 @@ def checked_by_journal(
     if find_spec("rclpy") is None:
         return result
     # They need ROS 2, and take a second to import.
-    from slosh_plan.nodes.governor_node import GovernorNode
-    from slosh_replay.journaled.replay import ROWS, Row, replay_journals, types_of
+    from slosh_replay.journaled.replay import replay_journals
 
-    files = {"model": "model", TRAY: "model", "urdf": "urdf", "joint_limits": "joint_limits"}
-    governor = Row(GovernorNode, {"later": True}, types_of(GOVERNED_MOTION), files)
-    found = replay_journals(run.reader, cell, {**ROWS, "governor": governor})
+    found = replay_journals(run.reader, cell)
     verified = dict(result.verified)
     causes = [f"{MIXED}: {node}" for node in found.mixed]
     before = result.verification

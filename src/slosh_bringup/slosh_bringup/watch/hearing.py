@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import math
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from slosh_base.addons import add_ons
 from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.watch.picture import Camera
 from slosh_bringup.watch.state import (
@@ -14,7 +17,6 @@ from slosh_bringup.watch.state import (
     Compared,
     Estimated,
     Fused,
-    GovernorNews,
     LimitNews,
     Surface,
     WatchState,
@@ -22,6 +24,8 @@ from slosh_bringup.watch.state import (
 from slosh_replay.recording.settings import NodeStart, model_of
 
 CAMERA, MODEL = "the camera", "the estimator"
+Hear = Callable[[WatchState, Any, float], None]
+"""Adds a message, received at a monotonic time [s], to the page's state."""
 
 
 def hear_comparison(state: WatchState, message: Any, now: float) -> None:
@@ -87,11 +91,15 @@ def hear_calm(state: WatchState, message: Any, now: float) -> None:
     )
 
 
-def hear_governed(state: WatchState, message: Any, now: float) -> None:
-    """Adds a GovernedMotion, received at a monotonic time [s], to the page's state."""
-    state.take_governor(
-        GovernorNews(message.share, message.state, message.reason, message.safe), now
-    )
+def figures() -> Mapping[str, Hear]:
+    """Returns what adds a message of an add-on's topic to the page's state, by the topic."""
+    modules = {topic: module for one in add_ons() for topic, module in one.figures.items()}
+    return {topic: _hear_figure(topic, module) for topic, module in modules.items()}
+
+
+def _hear_figure(topic: str, module: str) -> Hear:
+    make = importlib.import_module(module).figure
+    return lambda state, message, now: state.take_figure(topic, make(message), now)
 
 
 def hear_event(state: WatchState, message: Any) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,11 +31,6 @@ HEIGHTS = {
 }
 """Topics without one of which nothing of a cell is in a bag, and their types."""
 BESIDE = {name: row.type for name, row in _PAGE.items() if name not in HEIGHTS}
-FREQUENT: Mapping[str, Callable[[WatchState, Any, float], None]] = {
-    topics.ESTIMATE: hearing.hear_estimate,
-    topics.GOVERNED_MOTION: hearing.hear_governed,
-}
-"""Topics with up to a thousand messages per second."""
 MOST = 36_000
 """Frames that are kept: an hour."""
 STEP = round(PERIOD * SECOND)
@@ -123,7 +118,10 @@ class _Listener:
         self._frequent: dict[str, BagMessage] = {}
         cell = CellTopics(reader)
         self._namespace = cell.cells[0] if cell.cells else topics.NAMESPACE
-        wanted = (HEIGHTS | BESIDE).items()
+        # Topics with up to a thousand messages per second.
+        self._hears = {topics.ESTIMATE: hearing.hear_estimate, **hearing.figures()}
+        of_add_ons = {row.name: row.type for row in topics.TOPICS if row.name in self._hears}
+        wanted = (HEIGHTS | BESIDE | of_add_ons).items()
         found = {cell.topic(name, kind): name for name, kind in wanted}
         self._names = {topic: name for topic, name in found.items() if topic is not None}
         if not HEIGHTS.keys() & set(self._names.values()):
@@ -149,7 +147,7 @@ class _Listener:
 
     def _hear(self, name: str, message: BagMessage) -> None:
         now = message.log_ns * 1e-9
-        if name in FREQUENT:  # of a thousand a second the last before a frame is decoded
+        if name in self._hears:  # of a thousand a second the last before a frame is decoded
             self._frequent[name] = message
             return
         decoded = self.reader.decode(message)
@@ -175,6 +173,6 @@ class _Listener:
         now = now_ns * 1e-9
         for name, message in self._frequent.items():
             with contextlib.suppress(SloshBagError):
-                FREQUENT[name](self._state, self.reader.decode(message), now)
+                self._hears[name](self._state, self.reader.decode(message), now)
         self._frequent.clear()
         return self._state.frame(now), self._surface

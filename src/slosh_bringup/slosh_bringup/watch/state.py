@@ -93,13 +93,20 @@ class CalmNews(NamedTuple):
     wait: float
 
 
-class GovernorNews(NamedTuple):
-    """Fields of a GovernedMotion message that the operator's page displays."""
+class Figure(NamedTuple):
+    """A figure of an add-on on the operator's page.
 
-    share: float
-    state: int
-    reason: int
-    safe: bool
+    Attributes:
+        title: above it.
+        value: the number; NaN: unknown.
+        unit: behind it.
+        words: below it.
+    """
+
+    title: str
+    value: float
+    unit: str
+    words: str
 
 
 class LimitNews(NamedTuple):
@@ -135,7 +142,7 @@ class WatchState:
         self._estimated: Estimated | None = None
         self._fused: deque[Fused] = deque(maxlen=KEPT_FUSED)
         self._calm: tuple[CalmNews, float] | None = None
-        self._governor: tuple[GovernorNews, float] | None = None
+        self._figures: dict[str, tuple[Figure, float]] = {}
         self._settings = MonitorSettings()
         self._wall: Wall | None = None
         self._container: dict[str, Any] = {}
@@ -175,9 +182,9 @@ class WatchState:
         """Stores whether the liquid is calm, with the arrival time [s] (monotonic clock)."""
         self._calm = calm, now
 
-    def take_governor(self, news: GovernorNews, now: float) -> None:
-        """Stores the governor's newest step, with its arrival time [s] (monotonic clock)."""
-        self._governor = news, now
+    def take_figure(self, topic: str, figure: Figure, now: float) -> None:
+        """Stores a topic's newest figure, with its arrival time [s] (monotonic clock)."""
+        self._figures[topic] = figure, now
 
     def take_event(self, event: LimitNews) -> None:
         """Stores the start or the end of a limit violation for the operator's page."""
@@ -234,6 +241,7 @@ class WatchState:
             disagree=bool(compared and compared.disagree),
         )
         rows, self._rows = self._rows, []
+        figures = self._figures.values()
         frame: dict[str, Any] = {
             "drawing": self._drawing,
             "verdict": judgement.verdict.value,
@@ -243,7 +251,7 @@ class WatchState:
             "now": self._now(now),
             "surface": self._shown_surface(now),
             "calm": self._shown_news(self._calm, now),
-            "governor": self._shown_news(self._governor, now),
+            "figures": list(filter(None, (self._shown_news(one, now) for one in figures))),
         }
         if self._count % SLOW == 0:
             frame |= {"limits": self._shown_limits(), "nodes": self._shown_nodes(now)}
@@ -298,7 +306,7 @@ class WatchState:
         return now - self._estimated_at <= ALONE
 
     def _shown_news(
-        self, news: tuple[CalmNews | GovernorNews, float] | None, now: float
+        self, news: tuple[CalmNews | Figure, float] | None, now: float
     ) -> dict[str, Any]:
         """Returns the newest message of a topic for display; empty if it is not recent."""
         return {} if news is None or now - news[1] > ALONE else news[0]._asdict()

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
-
-import numpy as np
 
 from slosh_model.errors import SloshModelError
 
 LEAST, MOST = 3, 6
 """Number of modes that are computed along an axis: three, or as many as a model asks for."""
 
+FILM = 0.65
+"""Layer of a surface film in `layer_damping`, of that of a film that does not yield."""
 _FLAT = 1e-6
 """Height relative to the wall's that is none."""
 
@@ -68,37 +67,6 @@ class ModeNumbers:
         """Returns the damping ratio ζ for a liquid of viscosity ν [m²/s]."""
         layer = self.layer_damping * math.sqrt(kinematic_viscosity)
         return layer + self.bulk_damping * kinematic_viscosity
-
-
-_KINKED = ("crest_ratio", "crest_place")
-"""Not smooth where a crest begins to be inside."""
-
-
-def interpolated(
-    at: Sequence[float], rows: Sequence[Sequence[ModeNumbers]], place: float
-) -> tuple[ModeNumbers, ...]:
-    """Interpolates mode constants by a polynomial through those at several fill heights.
-
-    Args:
-        at: (N,) increasing.
-        rows: (N,) the modes at each, in the same order.
-        place: between the first and the last.
-    """
-    weights = [
-        math.prod((place - b) / (a - b) for m, b in enumerate(at) if m != k)
-        for k, a in enumerate(at)
-    ]
-    found = []
-    for same in zip(*rows, strict=True):
-        values = {}
-        for name in NAMES:
-            column = [getattr(one, name) for one in same]
-            values[name] = (
-                float(np.interp(place, at, column)) if name in _KINKED
-                else math.fsum(w * value for w, value in zip(weights, column, strict=True))
-            )  # fmt: skip
-        found.append(ModeNumbers(**values | {"axis": same[0].axis}))
-    return tuple(found)
 
 
 NAMES = tuple(item.name for item in fields(ModeNumbers) if item.name != "surface")

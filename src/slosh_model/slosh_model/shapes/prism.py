@@ -31,7 +31,7 @@ from slosh_model.shapes.contour import (
     through,
 )
 from slosh_model.shapes.mode_numbers import LEAST, ModeNumbers
-from slosh_model.shapes.solved import SolvedContainer, solved_modes
+from slosh_model.shapes.solved import SolvedContainer, solved_modes, solver
 
 _ALIKE = 1e-4
 """Relative difference of the frequencies along x and y below which every direction is alike."""
@@ -168,11 +168,11 @@ class PrismaticContainer(SolvedContainer):
 
     def solved(self, count: int) -> tuple[ModeNumbers, ...]:
         """Computes the first sloshing modes along x and along y."""
-        from slosh_model.potential_flow.plane import prism_modes
-
         # Another fill height has the same outline.
         outline = replace(self, fill_height=1.0, rim_height=None, table=None)
-        return prism_modes(_plane_modes(outline, count), self.fill_height)
+        plane = _plane_modes(outline, count)
+        modes: tuple[ModeNumbers, ...] = solver().prism_modes(plane, self.fill_height)
+        return modes
 
     def surface_shape(self, n: int, axis: int = 0) -> tuple[Array, Array]:
         """Returns a straight line as the surface's shape, since the model stores no mode shape."""
@@ -344,8 +344,7 @@ def _static_axes(container: PrismaticContainer, masses: int) -> float:
 
 @lru_cache(maxsize=16)
 def _plane_modes(container: PrismaticContainer, count: int) -> Any:
-    from slosh_model.potential_flow.plane import plane_modes
-
+    plane_modes = solver().plane_modes
     logging.getLogger("slosh_model").info(
         "computing the modes of a %s once: up to a minute", container.shape
     )

@@ -19,6 +19,7 @@ from slosh_model.shapes.contour import (
 )
 from slosh_model.shapes.mode_numbers import ModeNumbers
 from slosh_model.shapes.profiled import ProfiledContainer
+from slosh_model.shapes.solved import solver
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
@@ -33,9 +34,8 @@ class RevolvedContainer(ProfiledContainer):
 
     def solved(self, count: int) -> tuple[ModeNumbers, ...]:
         """Computes the first sloshing modes of the body by potential flow."""
-        from slosh_model.potential_flow.axisymmetric import revolution_modes
-
-        return revolution_modes(self.contour, self.level, count)
+        modes: tuple[ModeNumbers, ...] = solver().revolution_modes(self.contour, self.level, count)
+        return modes
 
     @property
     def size(self) -> float:

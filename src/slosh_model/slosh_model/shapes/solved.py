@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import math
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from types import MappingProxyType
 from typing import Any, ClassVar, Self, cast
 
+from slosh_base.addons import add_ons
 from slosh_model.constants import GRAVITY
 from slosh_model.containers import X_AXIS, Container
 from slosh_model.errors import SloshModelError
 from slosh_model.limits import ValidityLimits
 from slosh_model.shapes.contour import Piece
-from slosh_model.shapes.mode_numbers import LEAST, MOST, ModeNumbers, interpolated
+from slosh_model.shapes.mode_numbers import LEAST, MOST, ModeNumbers
 
 _GIVEN = ("rim_height", "table")
 """Fields on which the modes do not depend."""
@@ -25,9 +27,11 @@ STEEP = 0.3
 its trough is deep (second order of a standing wave: Faltinsen & Timokha 2009, ch. 8)."""
 SHALLOW = 0.2
 """And of the liquid's depth: beyond, crests run faster than troughs."""
-NEAR, NODES = 0.03, 7
-"""Distance [m] up to which modes of another fill height are interpolated, and between how many
-fill heights that are computed."""
+HOW_TO_GET = (
+    "the modes of this container must be computed by the add-on slosh_shapes, which is not "
+    "installed (`make setup` installs it); or store them in a model file, with "
+    "`slosh modes MODEL -o OUT.yaml` on a machine that has it"
+)
 WIDENING = 0.1
 """Relative change of the surface's radius by a wave on a sloped wall, from which it is none."""
 
@@ -83,7 +87,7 @@ class SolvedContainer(Container):
         """Computes the first sloshing modes along each axis.
 
         Raises:
-            SloshModelError: scikit-fem is missing, or the contour too intricate.
+            SloshModelError: what computes them is missing, or the contour too intricate.
         """
 
     @property
@@ -131,11 +135,8 @@ class SolvedContainer(Container):
             SloshModelError: an impossible fill height, or modes that cannot be computed.
         """
         filled = super(SolvedContainer, self).filled_to(fill_height, rim_height)
-        at, rows = _neighbours(replace(cast(Any, self), rim_height=None, table=None))
-        if not at[0] <= fill_height <= at[-1]:
-            return filled
-        table = ModeTable(filled.digest, interpolated(at, _alike(rows), fill_height))
-        return cast(Self, replace(cast(Any, filled), table=table))
+        found = installed_solver()
+        return filled if found is None else cast(Self, found.refilled(self, filled))
 
     @property
     def _own(self) -> tuple[ModeNumbers, ...]:
@@ -214,33 +215,6 @@ def _digest(container: SolvedContainer) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-@lru_cache(maxsize=64)
-def _neighbours(
-    container: SolvedContainer,
-) -> tuple[tuple[float, ...], tuple[tuple[ModeNumbers, ...], ...]]:
-    """Returns fill heights [m] below and above the container's, and the modes at each of them."""
-    middle = container.fill_height
-    reach = min(NEAR, 0.6 * middle, 0.6 * (container.highest_fill - middle))
-    turns = (math.cos(math.pi * k / (NODES - 1)) for k in reversed(range(NODES)))
-    at = tuple(middle + reach * turn for turn in turns)
-    changed = (replace(cast(Any, container), fill_height=height) for height in at)
-    return at, tuple(solved_modes(one, LEAST) for one in changed)
-
-
-def _alike(rows: Sequence[tuple[ModeNumbers, ...]]) -> list[tuple[ModeNumbers, ...]]:
-    """Returns, for each tabulated fill height, the modes that keep their order by frequency.
-
-    Modes in order of frequency change places as the fill height changes.
-    """
-    kept: list[int] = []
-    for axis in (0, 1):
-        for index in [k for k, mode in enumerate(rows[0]) if mode.axis == axis]:
-            if len({row[index].turns for row in rows}) > 1:
-                break
-            kept.append(index)
-    return [tuple(row[index] for index in kept) for row in rows]
-
-
 @lru_cache(maxsize=256)
 def solved_modes(container: SolvedContainer, count: int) -> tuple[ModeNumbers, ...]:
     """Returns the first modes of a container along each axis, from the cache or computed.
@@ -248,11 +222,28 @@ def solved_modes(container: SolvedContainer, count: int) -> tuple[ModeNumbers, .
     Raises:
         SloshModelError: they cannot be computed.
     """
-    from slosh_model.potential_flow import cache
-
     key = f"{container.digest}-{count}"
-    known = cache.read(key)
+    known: tuple[ModeNumbers, ...] | None = solver().read(key)
     if known is None:
         known = container.solved(count)
-        cache.write(key, known)
+        solver().write(key, known)
     return known
+
+
+@cache
+def installed_solver() -> Any | None:
+    """Returns the module that computes modes, of the add-on slosh_shapes; None: it is absent."""
+    name = next((one.mode_solver for one in add_ons() if one.mode_solver), "")
+    return importlib.import_module(name) if name else None
+
+
+def solver() -> Any:
+    """Returns the module that computes modes: see `slosh_shapes.solver`.
+
+    Raises:
+        SloshModelError: the add-on is not installed.
+    """
+    found = installed_solver()
+    if found is None:
+        raise SloshModelError(HOW_TO_GET)
+    return found

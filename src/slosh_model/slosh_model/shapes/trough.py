@@ -27,7 +27,7 @@ from slosh_model.shapes.contour import (
 )
 from slosh_model.shapes.mode_numbers import ModeNumbers
 from slosh_model.shapes.profiled import ProfiledContainer
-from slosh_model.shapes.solved import SHALLOW, STEEP, WIDENING
+from slosh_model.shapes.solved import SHALLOW, STEEP, WIDENING, solver
 
 HALF_ANGLES = (math.radians(1.0), math.radians(89.0))  # rad; any other value is no wedge's
 _QUARTER = 0.5 * math.pi
@@ -73,9 +73,10 @@ class TroughContainer(ProfiledContainer):
 
     def solved(self, count: int) -> tuple[ModeNumbers, ...]:
         """Computes the first longitudinal modes (along x), then as many transverse ones."""
-        from slosh_model.potential_flow.trough import trough_modes
-
-        return trough_modes(self.contour, self.level, self.length, count)
+        modes: tuple[ModeNumbers, ...] = solver().trough_modes(
+            self.contour, self.level, self.length, count
+        )
+        return modes
 
     @property
     def cornered(self) -> bool:

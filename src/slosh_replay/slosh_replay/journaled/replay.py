@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import tempfile
 from collections import defaultdict, deque
 from collections.abc import Collection, Mapping
@@ -14,6 +15,7 @@ from typing import Any, Final, NamedTuple
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagMessage, BagReader
+from slosh_base.addons import add_ons
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.held_container import EMPTY
 from slosh_estimator.inputs import CHAINED_SINCE, PLACED, ROBOT
@@ -56,6 +58,12 @@ class Row(NamedTuple):
 _TYPES = {row.name: row.type for row in topics.TOPICS}
 
 
+def known_rows() -> Mapping[str, Row]:
+    """Returns the nodes of the core and of installed add-ons that can be replayed, by name."""
+    modules = {node: name for one in add_ons() for node, name in one.replay_rows.items()}
+    return {**ROWS, **{node: importlib.import_module(name).ROW for node, name in modules.items()}}
+
+
 def types_of(*names: str) -> frozenset[str]:
     """Returns the types of a cell's topics, by their names."""
     return frozenset(_TYPES[name] for name in names)
@@ -92,6 +100,9 @@ ROWS: Final[Mapping[str, Row]] = {
     "sensor": Row(SensorNode, {}, types_of(topics.FREE_SURFACE), {PAYLOAD: PAYLOAD}),
 }
 CHANGED: Final = "its message type has changed since"
+NO_ROW: Final = "no installed package replays the node"
+_OWN: Final = "slosh_msgs/"
+"""Other types are repeated by none of the nodes."""
 _UNTAKEN_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 """No node with a journal takes these; they are large."""
 LATE_NS: Final = 2 * SECOND
@@ -130,14 +141,16 @@ class JournaledReplay(NamedTuple):
 
 
 def replay_journals(
-    bag: str | Path | BagReader, cell: str | None = None, rows: Mapping[str, Row] = ROWS
+    bag: str | Path | BagReader,
+    cell: str | None = None,
+    rows: Mapping[str, Row] | None = None,
 ) -> JournaledReplay:
     """Replays each node of a recording by its journal, and compares what it publishes.
 
     Args:
         bag: its path, or a reader of it.
         cell: namespace of the topics; None: the first cell that has journals.
-        rows: the nodes that can be replayed, by name.
+        rows: the nodes that can be replayed, by name; None: those of the core and of add-ons.
 
     Raises:
         SloshBagError: no readable bag.
@@ -147,8 +160,9 @@ def replay_journals(
         suffix = f"/{topics.JOURNAL}"
         named = (one.removesuffix(suffix) for one in reader.topics() if one.endswith(suffix))
         cell = next(named, topics.NAMESPACE)
+    known = known_rows() if rows is None else rows
     with tempfile.TemporaryDirectory(prefix="slosh_replay_") as folder:
-        replay = _Replay(reader, f"/{cell.strip('/')}".rstrip("/"), rows, Path(folder))
+        replay = _Replay(reader, f"/{cell.strip('/')}".rstrip("/"), known, Path(folder))
         return replay.run()
 
 
@@ -255,6 +269,8 @@ class _Replay:
         Where that is not the process's first one, the node begins in the middle of its run.
         """
         row, start = self._rows.get(journal.node), self._start(journal, log_ns)
+        if row is None and start is not None:
+            self._leave_out(start)
         if row is None or start is None:
             return None
         is_first = all(one.node != journal.node for one in self._processes)
@@ -276,6 +292,16 @@ class _Replay:
         self._running[journal.node] = process
         self._processes.append(process)
         return process
+
+    def _leave_out(self, start: NodeStart) -> None:
+        """Notes that nothing here replays what a node of an add-on has published."""
+        answers = {row.name for row in topics.TOPICS if row.role is topics.TopicRole.ANSWER}
+        for name in answers & start.topics.keys():
+            topic, kind = start.topics[name], self._types.get(start.topics[name], "")
+            if kind.startswith(_OWN) and kind not in self._compared and topic not in self._tallies:
+                self._tallies[topic] = Tally(topic)
+                count = self._reader.topics()[topic].count or 0
+                self._tallies[topic].leave_out(count, f"{NO_ROW} {start.node}")
 
     def _start(self, journal: Any, log_ns: int) -> NodeStart | None:
         """Returns the recorded settings with which a process begins its journal."""

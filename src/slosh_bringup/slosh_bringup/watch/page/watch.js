@@ -54,14 +54,15 @@ function showCalm(calm) {
   put("calm-words", known ? [WHY[calm.reason], `calm: up to ${millimetres(calm.tolerance)} mm`].filter(Boolean).join("; ") : "");
 }
 
-const STOPS = ["", "no command", "unusable command", "late clock", "stop requested", "joint states"];
-
-function showGovernor(governor) {
-  const known = governor.share !== undefined;
-  part("governor").hidden = !known;
-  if (!known) return;
-  put("share", (100 * governor.share).toFixed(0));
-  put("governor-words", words(["following", "limited", "stopping", "at rest"][governor.state], STOPS[governor.reason], governor.safe ? "" : "no stop keeps the limit"));
+function showFigures(figures) {
+  const shown = [...document.querySelectorAll(".further")];
+  shown.slice(figures.length).forEach((node) => node.remove());
+  figures.forEach((figure, number) => {
+    const node = shown[number] || part("further").content.firstChild.cloneNode(true);
+    const texts = [figure.title, figure.value === null ? "–" : figure.value.toFixed(0), figure.unit, figure.words];
+    node.querySelectorAll("h2, b, span, .small").forEach((one, at) => { one.textContent = texts[at]; });
+    if (!shown[number]) part("further").before(node);
+  });
 }
 
 function row(cells) {
@@ -121,7 +122,7 @@ function show(frame) {
   part("end-part").hidden = !(container && container.across);
   if (container && container.across) drawSide(part("end"), container.across, Math.sin, frame.surface, state.limits.measured);
   showCalm(frame.calm || {});
-  showGovernor(frame.governor || {});
+  showFigures(frame.figures || []);
   drawAbove(part("above"), frame.surface, state.limits.measured, container && container.plan);
   heights.draw();
 }

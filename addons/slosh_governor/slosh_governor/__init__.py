@@ -1,0 +1,1 @@
+"""Executes as much of commanded motions as the liquid allows, and slows planned ones."""

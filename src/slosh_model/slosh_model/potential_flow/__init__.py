@@ -1,1 +1,0 @@
-"""Computes sloshing modes by potential flow; uncached modes need scikit-fem."""
