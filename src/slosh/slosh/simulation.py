@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, overload
 import numpy as np
 
 from slosh.arguments import as_file, the_model
-from slosh_bringup.simulate.answer import check_possible, doubts
+from slosh_bringup.simulate.answer import doubts
 from slosh_model.gaps import gap_text
 from slosh_model.model import Model
 from slosh_model.response import Response
@@ -59,7 +59,6 @@ def simulate(model: ModelLike, motion: MotionLike) -> Response:
         return simulate_inputs(with_tilt(used, motion.attitude), motion)[0]
     with as_file(motion, "motion") as path:
         table = read_motion_table(path)
-        check_possible(path, table)
     inputs = table.inputs()
     _warn("motion", (*doubts(used, table), *filter(None, [gap_text(table.t, used)])))
     return simulate_inputs(with_tilt(used, inputs.attitude), inputs)[0]

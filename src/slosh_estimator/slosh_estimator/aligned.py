@@ -9,7 +9,7 @@ integrated, such as a localisation's corrections, leads only where no faster one
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection, Hashable, Set
+from collections.abc import Callable, Hashable, Mapping, Set
 from typing import Generic, TypeVar
 
 from slosh_base.files.nanoseconds import SECOND
@@ -30,10 +30,23 @@ class Lead:
 
     Attributes:
         ahead: on the average [s].
+        first_ns, last_ns: its first and last stamp [ns].
     """
 
     def __init__(self) -> None:
         self.ahead, self._count = 0.0, 0
+        self.first_ns = self.last_ns = 0
+        self._is_stamp = True
+
+    @property
+    def interval_ns(self) -> float:
+        """Mean time between two stamps [ns]."""
+        return (self.last_ns - self.first_ns) / max(self._count - 1, 1)
+
+    @property
+    def is_blind(self) -> bool:
+        """Whether all times of arrival are the stamps, as a converter writes them."""
+        return self._count > 0 and self._is_stamp
 
     @property
     def is_known(self) -> bool:
@@ -42,20 +55,25 @@ class Lead:
 
     def take(self, stamp_ns: int, at_ns: int) -> None:
         """Adds a stamp and the moment of its arrival [ns]."""
+        self.first_ns, self.last_ns = self.first_ns or stamp_ns, stamp_ns
+        self._is_stamp &= stamp_ns == at_ns
         self._count += 1
         self.ahead += ((stamp_ns - at_ns) * SECONDS_PER_NS - self.ahead) / self._count
 
 
-def clock_doubt(clocks: Collection[tuple[float, str]]) -> Doubt | None:
+def clock_doubt(leads: Mapping[str, Lead]) -> Doubt | None:
     """Returns what the arrival of messages shows of their publishers' clocks.
 
     A message may be late, but cannot arrive before its stamp.
 
     Args:
-        clocks: by how much stamps lie after the arrival [s], and whose they are.
+        leads: of the publishers by their names.
     """
-    if len(clocks) < 2:
+    if len(leads) < 2:
         return None
+    if all(lead.is_blind for lead in leads.values()):
+        return _span_doubt(leads)
+    clocks = [(lead.ahead, name) for name, lead in leads.items()]
     (least, late), (most, early) = min(clocks), max(clocks)
     if most - least < TUNING.clock_apart:
         return None
@@ -72,6 +90,27 @@ def clock_doubt(clocks: Collection[tuple[float, str]]) -> Doubt | None:
     )
 
 
+def _span_doubt(leads: Mapping[str, Lead]) -> Doubt | None:
+    """Returns what the ends of a recording show of clocks, where log times are the stamps.
+
+    All publishers were heard from its beginning to its end: whose clock is ahead begins and ends
+    later than the others, by the same time.
+    """
+    (early, ahead), (late, behind) = (
+        choose(leads.items(), key=lambda item: item[1].last_ns) for choose in (max, min)
+    )
+    begins, ends = ahead.first_ns - behind.first_ns, ahead.last_ns - behind.last_ns
+    apart = min(begins, ends) * SECONDS_PER_NS
+    # One that starts later and is heard longer begins and ends later, too, by other times.
+    if apart < TUNING.clock_apart or abs(begins - ends) > ahead.interval_ns + behind.interval_ns:
+        return None
+    return Doubt(
+        f"{early} begin and end {1e3 * apart:.0f} ms later than {late}, and the log times are the "
+        "stamps: if both were recorded all the time, their publishers' clocks differ; compare "
+        "with the original recording"
+    )
+
+
 class AlignedStreams(Generic[Key]):
     """Collects several streams of timed values and returns their values at common stamps.
 
@@ -83,6 +122,7 @@ class AlignedStreams(Generic[Key]):
     def __init__(self, mix: Mix, is_complete: Callable[[], bool]) -> None:
         self._mix, self._is_complete = mix, is_complete
         self._streams: dict[Key, _Stream] = {}
+        self._leads: dict[Key, Lead] = {}
         self._leader: _Stream | None = None
 
     @property
@@ -109,36 +149,38 @@ class AlignedStreams(Generic[Key]):
         self._streams.clear()
         self._leader = None
 
-    def clocks(self, named: Callable[[Key], str]) -> list[tuple[float, str]]:
-        """Returns by how much the stamps of streams that move lie after their arrival [s].
+    def clocks(self, named: Callable[[Key], str]) -> dict[str, Lead]:
+        """Returns by how much the stamps of streams that move lie after their arrival.
 
         Args:
             named: names a stream.
         """
-        return [
-            (stream.lead.ahead, named(key))
+        return {
+            named(key): self._leads[key]
             for key, stream in self._streams.items()
-            if stream.lead.is_known and stream.swift
-        ]
+            if key in self._leads and self._leads[key].is_known and stream.swift
+        }
 
-    def add(self, key: Key, stamp_ns: int, values: Values, at_ns: int | None = None) -> None:
+    def hear(self, key: Key, stamp_ns: int, at_ns: int) -> None:
+        """Notes when a stream's message arrived, or was recorded, beside its stamp [ns]."""
+        self._leads.setdefault(key, Lead()).take(stamp_ns, at_ns)
+
+    def add(self, key: Key, stamp_ns: int, values: Values) -> None:
         """Adds a stream's values; clears all streams if time jumps.
 
         Args:
             key: of the stream.
             stamp_ns: of the values [ns].
             values: that it has then.
-            at_ns: when they arrived, or were recorded [ns]; None: not known.
         """
         stream = self._streams.get(key)
         if stream is None:
             stream = self._streams[key] = _Stream(values)
         elif stream.newest_ns - stamp_ns > TUNING.set_back_ns:
             self.forget()
+            self._leads.clear()
             stream = self._streams[key] = _Stream(values)
         stream.take(stamp_ns, values)
-        if at_ns is not None:
-            stream.lead.take(stamp_ns, at_ns)
 
     def rows(self) -> list[tuple[int, dict[Key, Values]]]:
         """Returns stamps [ns] at which all streams have values, and those values by stream."""
@@ -182,14 +224,13 @@ class _Stream:
         moved: whether it has left its first values.
         swift: whether it moves fast enough for its publisher's clock to matter.
         waiting: stamps and values that have not led a row yet.
-        lead: by which stamps lie after the arrival.
     """
 
     def __init__(self, values: Values) -> None:
         self.newest_ns = -(2**62)
         self.interval_ns = 0.0
         self.moved = False
-        self.swift, self.lead = False, Lead()
+        self.swift = False
         self.waiting: deque[tuple[int, Values]] = deque(maxlen=TUNING.kept_states)
         self._first = values
         self._since: tuple[int, Values] = (self.newest_ns, values)

@@ -81,7 +81,9 @@ class JointPoses:
             self.velocities.take(stamp_ns, values, [velocities[place] for place in places])
         if len(joints) == len(self._robot.carrying):  # as nearly always
             return [self._posed(stamp_ns, dict(zip(joints, values, strict=True)))]
-        self._streams.add(joints, stamp_ns, values, at_ns)
+        if at_ns is not None:
+            self._streams.hear(joints, stamp_ns, at_ns)
+        self._streams.add(joints, stamp_ns, values)
         return [
             self._posed(
                 at_ns,

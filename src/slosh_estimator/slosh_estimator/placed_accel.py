@@ -126,10 +126,12 @@ class PlacedAccel:
 
     def clock_doubt(self) -> Doubt | None:
         """Returns what the arrival shows of the clocks of the sensor and of the transforms."""
-        clocks = {name: ahead for chain in self._chains.values() for ahead, name in chain.clocks()}
+        leads: dict[str, Lead] = {}
+        for chain in self._chains.values():
+            leads |= chain.clocks()
         if self._lead.is_known:
-            clocks["the accelerations"] = self._lead.ahead
-        return clock_doubt([(ahead, name) for name, ahead in clocks.items()])
+            leads["the accelerations"] = self._lead
+        return clock_doubt(leads)
 
     def facts(self) -> dict[str, str]:
         """Returns the state of the conversion by name, for the diagnostics."""

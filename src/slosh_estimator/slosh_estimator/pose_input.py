@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,7 +21,7 @@ from slosh_estimator.checked_input import CheckedInput
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, SampleGate, SampleVerdict, fault_of
 from slosh_estimator.kept_poses import NUMBERS, KeptPoses
-from slosh_estimator.mounting import Base, SensorTransform, ToolPose, composed
+from slosh_estimator.mounting import Base, Quaternion, SensorTransform, ToolPose, composed
 from slosh_estimator.pose_filter import (
     CUBIC,
     FEWEST,
@@ -42,6 +44,26 @@ from slosh_metrics.input_checks.message_checks import Leap, Stairs, ToAndFro, le
 from slosh_metrics.tuning import TUNING as CHECKS
 
 MINIMUM_WINDOW = 2 * FEWEST + 1
+_NO_LEAP = Leap(0.0, 0.0, 0.0)
+
+
+class _Pose(NamedTuple):
+    """A pose of the container.
+
+    Attributes:
+        stamp_ns: the moment [ns].
+        place: position [m] and quaternion.
+        now_ns: the time of arrival [ns]; None: not known.
+    """
+
+    stamp_ns: int
+    place: tuple[Vector, Quaternion]
+    now_ns: int | None
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Position and quaternion as numbers."""
+        return (*self.place[0], *self.place[1])
 
 
 class PoseInput(CheckedInput):
@@ -110,8 +132,8 @@ class PoseInput(CheckedInput):
         self._noun = noun
         self._to_and_fro, self._stairs = ToAndFro(noun), Stairs(noun, self.STAIR)
         self._jitter = JitterCheck(noun, self.ORDER)
-        self._leaps, self._aside, self._largest = 0, 0, Leap(0.0, 0.0, 0.0)
-        self._aside_values: tuple[float, ...] = ()
+        self._leaps, self._largest = 0, _NO_LEAP
+        self._aside: list[_Pose] = []  # leapt; whether they are used, the next ones tell
         self._count, self._seconds = count, 0.0 if count else float(window)
         self._poses = KeptPoses()
         self._at = count // 2  # the next centre
@@ -149,12 +171,37 @@ class PoseInput(CheckedInput):
         elif frame != self._frame and self._strange(frame):
             return []
         fault = fault_of(position, self.LARGEST) or _fault_of_attitude(quaternion)
-        leaped = False
-        if fault is None:
-            self._look(stamp_ns, position, quaternion)
-            position, quaternion = self._tool.container(position, quaternion)
-            leaped = self._leaped(stamp_ns, (*position, *quaternion))
-            fault = SampleVerdict.JUMP if leaped and self._aside < TUNING.agreeing else None
+        if fault is not None:
+            self.gate.judge(stamp_ns, None, now_ns, fault)
+            return []
+        self._look(stamp_ns, position, quaternion)
+        pose = _Pose(stamp_ns, self._tool.container(position, quaternion), now_ns)
+        leap = self._leap(pose)
+        if leap is not None:
+            self._largest = max(self._largest, leap)
+            self._aside.append(pose)
+            if len(self._aside) < TUNING.agreeing:
+                return []
+            pose = self._aside.pop()
+        aside, self._aside = self._aside, []
+        way = self._way(aside, pose) if leap is None else False
+        self._leaps += 0 if way or leap is not None else len(aside)
+        found: list[Sample] = []
+        for one in aside:
+            found += self._take(one, None if way else SampleVerdict.JUMP)
+        return found + self._take(pose, None, jumped=leap is not None)
+
+    def _take(
+        self, pose: _Pose, fault: SampleVerdict | None, *, jumped: bool = False
+    ) -> list[Sample]:
+        """Returns the samples that a pose completes.
+
+        Args:
+            pose: of the container.
+            fault: what is wrong with it; None: nothing is known.
+            jumped: whether a new motion begins with it.
+        """
+        stamp_ns, (position, quaternion), now_ns = pose
         verdict = self.gate.judge(stamp_ns, None, now_ns, fault)
         if verdict not in (SampleVerdict.USE, SampleVerdict.RESTART):
             return []
@@ -163,10 +210,8 @@ class PoseInput(CheckedInput):
             stamp_ns, self._place_of(stamp_ns, position), quaternion, restarted=restarted
         )
         doubtful = doubtful and self.flags
-        jumped = verdict is SampleVerdict.USE and leaped  # and did not come back
+        jumped = jumped and not restarted
         self.jumps += jumped
-        if leaped:  # what was set aside is the new motion
-            self._aside = 0
         if restarted or jumped:
             self._poses.clear()
             self._at = self._count // 2
@@ -282,24 +327,31 @@ class PoseInput(CheckedInput):
         self._stairs.take(stamp_ns, (*position, *quaternion))
         self._jitter.take(stamp_ns, position)
 
-    def _leaped(self, stamp_ns: int, values: tuple[float, ...]) -> bool:
-        """Returns whether a pose is none to which the motion of those before it leads.
+    def _leap(self, pose: _Pose) -> Leap | None:
+        """Returns the change to a pose to which the motion before does not lead; None: it does.
 
         Poses that leap are set aside; if so many follow each other, the motion is a new one.
         """
-        poses, leap = self._poses, Leap(0.0, 0.0, 0.0)
-        seconds = (stamp_ns - poses.newest_ns) * SECONDS_PER_NS if len(poses) else 0.0
-        leaped = self._aside > 0 and Leap.between(self._aside_values, values, 0.0).is_small()
-        if not leaped and 0.0 < seconds <= self.gate.max_gap_ns * SECONDS_PER_NS:
-            leap = Leap.between(poses.values[-1].tolist(), values, seconds)
-            leaped = not leap.is_small() and leap.is_beyond(poses.changes(), self.sampling.seconds)
-        if leaped and len(poses):
-            self._aside, self._aside_values = self._aside + 1, values
-            self._largest = max(self._largest, leap)
-            return True
-        self._leaps += self._aside % TUNING.agreeing
-        self._aside = 0
-        return False
+        poses = self._poses
+        if not len(poses):
+            return None
+        if self._aside and Leap.between(self._aside[-1].values, pose.values, 0.0).is_small():
+            return _NO_LEAP
+        seconds = (pose.stamp_ns - poses.newest_ns) * SECONDS_PER_NS
+        if not 0.0 < seconds <= self.gate.max_gap_ns * SECONDS_PER_NS:
+            return None
+        leap = Leap.between(poses.values[-1].tolist(), pose.values, seconds)
+        beyond = not leap.is_small() and leap.is_beyond(poses.changes(), self.sampling.seconds)
+        return leap if beyond else None
+
+    def _way(self, aside: list[_Pose], pose: _Pose) -> bool:
+        """Returns whether poses that were set aside lie on the way to the next one."""
+        if not aside or not len(self._poses):
+            return False
+        places = [self._poses.values[-1].tolist(), *(one.values for one in aside), pose.values]
+        return Leap.between(places[0], places[-1], 0.0).is_way_of(
+            [Leap.between(*pair, 0.0) for pair in pairwise(places)]
+        )
 
     def message_doubts(self) -> tuple[Doubt, ...]:
         """Returns what messages that contradict each other show."""

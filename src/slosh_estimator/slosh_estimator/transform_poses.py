@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from slosh_estimator.aligned import AlignedStreams, Values, clock_doubt
+from slosh_estimator.aligned import AlignedStreams, Lead, Values, clock_doubt
 from slosh_estimator.mounting import Quaternion, composed
 from slosh_estimator.rotation import Vector
 from slosh_estimator.timed_pose import TimedPose
@@ -53,7 +53,7 @@ class TransformPoses:
 
     def __init__(self, world: str, container: str, since_ns: int | None = None) -> None:
         self.since_ns = since_ns
-        self._early: deque[tuple[str, int, Values, int | None]] = deque(maxlen=TUNING.kept_states)
+        self._early: deque[tuple[str, int, Values]] = deque(maxlen=TUNING.kept_states)
         self._is_past = since_ns is None
         self._world, self._container = world.lstrip("/"), container.lstrip("/")
         self._parents: dict[str, str] = {}
@@ -86,26 +86,28 @@ class TransformPoses:
                 if before is not None and before[3:] != one[3:]:
                     self._changed = child
                 self._fixed[child] = one
-            elif child in self._chain and child not in self._fixed:
+            elif child not in self._fixed and at_ns is not None:
+                self._streams.hear(child, one.stamp_ns, at_ns)
+            if not fixed and child in self._chain and child not in self._fixed:
                 self._newest_ns = max(self._newest_ns, one.stamp_ns)
                 self._since_ns = self._since_ns or one.stamp_ns
                 values = (*one.position, *one.quaternion)
-                fed = self._feed(child, one.stamp_ns, values, at_ns) or fed
+                fed = self._feed(child, one.stamp_ns, values) or fed
         self._count += not fixed
         return [self._pose(*row) for row in self._streams.rows()] if fed else []
 
-    def _feed(self, child: str, stamp_ns: int, values: Values, at_ns: int | None) -> bool:
+    def _feed(self, child: str, stamp_ns: int, values: Values) -> bool:
         """Stores a moving transform; returns whether it may complete poses."""
         if self._is_past or self.since_ns is None:
-            self._streams.add(child, stamp_ns, values, at_ns)
+            self._streams.add(child, stamp_ns, values)
             return True
         if self.since_ns:
             if stamp_ns >= self.since_ns:
-                self._streams.add(child, stamp_ns, values, at_ns)
+                self._streams.add(child, stamp_ns, values)
             # What comes later with an earlier stamp is of a clock that was set back.
             self._is_past = stamp_ns > self.since_ns + TUNING.set_back_ns
             return stamp_ns >= self.since_ns
-        self._early.append((child, stamp_ns, values, at_ns))
+        self._early.append((child, stamp_ns, values))
         firsts: dict[str, int] = {}
         for name, then_ns, *_ in self._early:
             firsts.setdefault(name, then_ns)
@@ -151,7 +153,7 @@ class TransformPoses:
         """Returns what the arrival of moving transforms shows of their publishers' clocks."""
         return clock_doubt(self.clocks())
 
-    def clocks(self) -> list[tuple[float, str]]:
+    def clocks(self) -> dict[str, Lead]:
         """Returns by how much stamps lie after their arrival; see `AlignedStreams.clocks`."""
 
         def named(child: str) -> str:

@@ -183,9 +183,8 @@ class VelocityInput(PoseInput):
             self._turns.take(stamp_ns, position)
         self._jitter.take(stamp_ns, position)
 
-    def _leaped(self, stamp_ns: int, values: tuple[float, ...]) -> bool:
-        """Returns False: a leap of the velocity is no fault but a strong acceleration."""
-        return False
+    def _leap(self, pose: object) -> None:
+        """Returns None: a leap of the velocity is no fault but a strong acceleration."""
 
     def message_doubts(self) -> tuple[Doubt, ...]:
         """Returns what messages that contradict themselves or each other show."""

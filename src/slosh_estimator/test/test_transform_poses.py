@@ -203,6 +203,31 @@ def test_the_clock_of_poses_in_a_frame_that_moves_is_compared_with_the_frames():
     assert doubt.wrong
 
 
+def restamped(ahead_ms, begins_ms=0, ends_ms=2000):
+    """Returns the doubt about transforms that a converter logged by their stamps."""
+    poses, links = chain(), []
+    for ms in range(0, 2000, 10):
+        links.append(wrist(ms)._replace(stamp_ns=BEGIN + ms * MS))
+        if begins_ms <= ms < ends_ms:
+            links.append(rail(ms)._replace(stamp_ns=BEGIN + (ms + ahead_ms) * MS))
+    for link in sorted(links, key=lambda one: one.stamp_ns):
+        poses.take([link], at_ns=link.stamp_ns)
+    return poses.clock_doubt()
+
+
+def test_a_clock_ahead_shows_at_the_ends_where_the_log_times_are_the_stamps():
+    doubt = restamped(300)
+    assert doubt.text.startswith("the transforms of 'rail' begin and end 300 ms later than")
+    assert doubt.wrong
+
+
+@pytest.mark.parametrize(
+    "which", [{}, {"begins_ms": 500}, {"ends_ms": 1500}, {"begins_ms": 500, "ends_ms": 1900}]
+)
+def test_publishers_that_start_or_stop_by_themselves_have_one_clock(which):
+    assert restamped(0, **which) is None
+
+
 def test_transforms_that_may_be_late_are_a_remark():
     doubt = clocks(60.0, 2.0)
     assert "the transforms of 'rail' arrive 60 ms after their stamps" in doubt.text

@@ -101,6 +101,7 @@ class MetricsTuning:
     leap_angle: float = number(0.05, "rad", "change of attitude that is no leap")
     leap_speed: float = number(20.0, "m/s", "speed that is no leap where no motion is known")
     leap_steps: float = number(4.0, "1", "change over the largest of those before")
+    leap_detour: float = number(1.25, "1", "way over the change of poses that go on")
     leap_before: int = number(8, "1", "changes before that are looked at")
     leap_acceleration: float = number(100.0, "m/s²", "acceleration that is no leap")
     leap_spin: float = number(1000.0, "rad/s²", "angular acceleration that is no leap")

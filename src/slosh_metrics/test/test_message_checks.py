@@ -1,5 +1,6 @@
 """Tests the checks of messages against themselves and against each other."""
 
+import itertools
 import math
 import random
 
@@ -129,6 +130,16 @@ def test_zeros_now_and_then_are_leaps_and_a_fast_stroke_is_none(rate):
     for index in zeros:
         positions[index] = (0.0, 0.0, 0.0)
     assert leaps(positions, rate) == zeros
+
+
+@pytest.mark.parametrize(
+    ("way", "on_it"),
+    [((0.0, 0.3, 0.6), True), ((0.0, 0.5, 0.1), False), ((0.3, 0.0, 0.31), False)],
+)
+def test_turns_that_lead_on_are_told_from_leaps_away_and_back(way, on_it):
+    poses = [(0.0, 0.0, 0.0, 0.0, 0.0, math.sin(a / 2), math.cos(a / 2)) for a in way]
+    steps = [Leap.between(*pair, 0.02) for pair in itertools.pairwise(poses)]
+    assert Leap.between(poses[0], poses[-1], 0.04).is_way_of(steps) == on_it
 
 
 def twists(how, rate=50, corrected=0.0):

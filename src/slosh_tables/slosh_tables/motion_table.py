@@ -46,6 +46,8 @@ MSH = "msh"
 ETA = "eta_"
 PROFILE = "profile_"
 CHOOSE = "for other column names use --columns t=…,ax=… (other columns are then not read)"
+IMPOSSIBLE = 1e6
+"""No container survives such an acceleration [m/s²]: the table is refused."""
 _WARNING, _NOTE = "warning: ", "note: "
 _BATCH = 10_000  # rows that are turned into text at a time
 
@@ -174,6 +176,7 @@ def read_motion_table(
     table.check_finite(_is_height)
     table.check_time()
     found = _table(table)
+    _check_possible(table, found)
     for remark in found.remarks:
         if tell_wrong or not remark.wrong:
             options.tell(f"{path}: {remark.text}")
@@ -289,6 +292,18 @@ def _table(table: TextTable) -> MotionTable:
         profile=table.group(places) if places else None,
         remarks=tuple(_remarks(table.comments)),
     )
+
+
+def _check_possible(text: TextTable, table: MotionTable) -> None:
+    """Raises an error where a row has an acceleration that nothing has."""
+    # The greatest component: a norm of 1e300 overflows.
+    greatest = np.abs(table.acceleration).max(axis=1)
+    row = int(np.argmax(greatest))
+    if greatest[row] > IMPOSSIBLE:
+        raise SloshFileError(
+            f"{text.path}: line {text.lines[row]}: an acceleration of {greatest[row]:.3g} m/s² is "
+            "not possible; ax, ay, az must be in m/s²"
+        )
 
 
 def _remarks(comments: Iterable[str]) -> Iterator[Remark]:

@@ -20,7 +20,7 @@ from slosh_bringup.cli.quantities import HEIGHT
 from slosh_bringup.cli.rim_option import add_rim_distance
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.simulate.answer import SimulationAnswer, check_possible, doubts, make_answer
+from slosh_bringup.simulate.answer import SimulationAnswer, doubts, make_answer
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.gaps import gap_text
 from slosh_model.measure import predicted_heights
@@ -104,7 +104,6 @@ def run(arguments: argparse.Namespace) -> int:
     limits.under_rim(model)  # refuses a distance that cannot be kept
     motion = read_motion_table(arguments.motion, table_options(arguments), tell_wrong=False)
     check_span(arguments.motion, motion.t)
-    check_possible(arguments.motion, motion)
     inputs = motion.inputs()
     added = added_text(model, attitude_of(inputs))
     if added:

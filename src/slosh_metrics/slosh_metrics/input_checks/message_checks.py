@@ -48,6 +48,14 @@ class Leap(NamedTuple):
         """Returns whether the change is none that matters."""
         return self.distance <= TUNING.leap_distance and self.angle <= TUNING.leap_angle
 
+    def is_way_of(self, steps: Sequence[Leap]) -> bool:
+        """Returns whether steps that add up to this change lead there without a detour."""
+        way, turn = sum(step.distance for step in steps), sum(step.angle for step in steps)
+        return (
+            way <= TUNING.leap_detour * self.distance + TUNING.leap_distance
+            and turn <= TUNING.leap_detour * self.angle + TUNING.leap_angle
+        )
+
     def is_beyond(self, before: Sequence[Leap], usual: float) -> bool:
         """Returns whether no motion that went on as `before` leads so far.
 

@@ -31,6 +31,7 @@ from slosh_base.files import new_folder
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
 from slosh_estimator.inputs import ACCEL, IMU, MESSAGE_TYPES
+from slosh_metrics.input_checks.table_checks import InputDoubt, motion_doubts
 from slosh_model.constants import GRAVITY
 from slosh_msgs_py.topics import NAMESPACE
 from slosh_replay.recording.facts import TABLE_COLUMNS, TABLE_ORIGIN
@@ -59,11 +60,13 @@ class TableImport(NamedTuple):
         bag: the bag's folder.
         rows: rows of the table.
         rounded: rows whose time was not a whole number of nanoseconds and was rounded to one.
+        doubts: what is wrong with the motion, one sentence each.
     """
 
     bag: Path
     rows: int
     rounded: int
+    doubts: tuple[InputDoubt, ...] = ()
 
 
 Progress = Callable[[int, int], object]
@@ -133,7 +136,8 @@ def write_table_bag(
                 writer.write(f"{NAMESPACE}/{topic}", data, stamp)
             progress(row + 1, len(stamps))
     rounded = np.count_nonzero(table.t != table_times(stamps - origin_ns))
-    return TableImport(bag, len(stamps), int(rounded))
+    doubts = motion_doubts(table.t, table.acceleration, table.attitude)
+    return TableImport(bag, len(stamps), int(rounded), doubts)
 
 
 def table_stamps(path: Path, t: Array) -> tuple[int, Stamps]:
