@@ -267,8 +267,7 @@ class _Replay:
         folder = self._folder / str(len(self._processes))
         parameters = {**start.parameters, **_files(folder, start, row)}
         place = Place(
-            self._cell, parameters, start.topics, simulated=False, give=process.give,
-            publishes=process.publishes,
+            self._cell, parameters, start.topics, give=process.give, publishes=process.publishes
         )  # fmt: skip
         process.create(row.node, row.arguments, place)
         if journal.first:
