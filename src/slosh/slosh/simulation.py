@@ -18,6 +18,7 @@ from slosh_model.response import Response
 from slosh_model.simulate import Inputs
 from slosh_model.simulate import simulate as simulate_inputs
 from slosh_model.tilt import with_tilt
+from slosh_motion.tables.motion_table import read_motion_table
 from slosh_plan.doubts import path_doubts, trajectory_doubts
 from slosh_plan.limits import HeightLimits
 from slosh_plan.planning.limits import ACCELERATION, JERK, RESIDUAL, PlanLimits
@@ -30,7 +31,6 @@ from slosh_plan.prediction import predict as predict_trajectories
 from slosh_plan.tables.path_table import read_path_table
 from slosh_plan.tables.trajectory_table import read_trajectory
 from slosh_plan.trajectory import Trajectory
-from slosh_tables.motion_table import read_motion_table
 
 if TYPE_CHECKING:
     from slosh.arguments import ModelLike, MotionLike, PathLike, Several

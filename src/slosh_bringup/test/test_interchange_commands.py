@@ -14,7 +14,7 @@ from slosh_bag.definitions import find_interfaces
 from slosh_bag.reader import BagReader
 from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
-from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
+from slosh_motion.tables.motion_table import MotionTable, read_motion_table, write_motion_table
 from slosh_testing.commands import complaint
 
 MODEL = str(config_folder() / "model.yaml")

@@ -6,10 +6,10 @@ import pytest
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.observer.observer import Observer
 from slosh_estimator.observer.states import WallHeights
-from slosh_estimator.sample import Sample
 from slosh_model import Inputs, Model, measured_heights, simulate
 from slosh_model.potential_flow import finite_elements
 from slosh_model.shapes import Prism
+from slosh_motion.inputs.sample import Sample
 
 pytestmark = pytest.mark.skipif(
     not finite_elements.available(), reason="no scikit-fem (requirements/modes.txt)"

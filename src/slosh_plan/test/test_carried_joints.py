@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slosh_estimator.robot import available
 from slosh_model import Cylinder, Inputs, Model, simulate
+from slosh_motion.inputs.robot import available
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.governor import Command, GovernedArm, Governor, GovernorState, StopReason
 from slosh_plan.governor.robot_arm import with_defaults

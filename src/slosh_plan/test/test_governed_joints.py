@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slosh_estimator.robot import available
 from slosh_model import Cylinder, Model, simulate
 from slosh_model.tray import Tray, TrayContainer
+from slosh_motion.inputs.robot import available
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.governor import (
     Command,

@@ -10,17 +10,17 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_estimator.validity import began_text
-from slosh_metrics.input_checks.beginning import BEGAN
-from slosh_metrics.input_checks.table_checks import InputDoubt, motion_doubts
 from slosh_model.gaps import row_spacing, unresolved
 from slosh_model.least_wave import growth_text
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
 from slosh_model.wall import Wall, WallPlace
+from slosh_motion.checks.beginning import BEGAN
+from slosh_motion.checks.table_checks import InputDoubt, motion_doubts
+from slosh_motion.tables.motion_table import MotionTable
 from slosh_plan.doubts import rows_doubt
 from slosh_plan.limits import HeightLimits
 from slosh_plan.validity import greatest
-from slosh_tables.motion_table import MotionTable
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from slosh_bringup.watch.state import (
     Surface,
     WatchState,
 )
-from slosh_replay.recording.settings import NodeStart, model_of
+from slosh_motion.recorded.settings import NodeStart, model_of
 
 CAMERA, MODEL = "the camera", "the estimator"
 

@@ -30,14 +30,14 @@ from slosh_bag.errors import SloshBagError
 from slosh_base.files import new_folder
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
-from slosh_estimator.inputs import ACCEL, IMU, MESSAGE_TYPES
-from slosh_metrics.input_checks.table_checks import InputDoubt, motion_doubts
 from slosh_model.constants import GRAVITY
+from slosh_motion.checks.table_checks import InputDoubt, motion_doubts
+from slosh_motion.inputs.inputs import ACCEL, IMU, MESSAGE_TYPES
+from slosh_motion.recorded.facts import TABLE_COLUMNS, TABLE_ORIGIN
+from slosh_motion.recorded.motion import NOT_REPORTED
+from slosh_motion.tables.motion_table import MotionTable, column_names, read_motion_table
+from slosh_motion.tables.options import FOUND_OUT, TableOptions
 from slosh_msgs_py.topics import NAMESPACE
-from slosh_replay.recording.facts import TABLE_COLUMNS, TABLE_ORIGIN
-from slosh_replay.recording.motion import NOT_REPORTED
-from slosh_tables.motion_table import MotionTable, column_names, read_motion_table
-from slosh_tables.text_table.options import FOUND_OUT, TableOptions
 
 Stamps = NDArray[np.int64]
 
