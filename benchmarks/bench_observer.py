@@ -20,7 +20,7 @@ from slosh_estimator.observer.observer import Observer
 from slosh_estimator.observer.states import WallHeights
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
-from slosh_motion.inputs.sample import Sample
+from slosh_motion.inputs.sampling import Sample
 
 GOAL = 3.0
 COUNT, IMAGE_EVERY, LATE, MS = 8000, 17, 20, 1_000_000

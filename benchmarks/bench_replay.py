@@ -47,7 +47,7 @@ from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.shapes.cylinder import Cylinder
-from slosh_motion.inputs.sample import Samples
+from slosh_motion.inputs.sampling import Samples
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.replay import ReplayResult, replay_bag
 from slosh_replay.replay.monitor_feed import MonitoredHeights, MonitorFeed

@@ -13,7 +13,7 @@ from slosh_model.model_text import format_model, parse_model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
 from slosh_motion import MotionTable, write_motion_table
-from slosh_motion.inputs.sample import Sample
+from slosh_motion.inputs.sampling import Sample
 from slosh_replay.replay import replay_table
 
 TEXT = "container: {shape: tub, diameter: 0.1, fill_height: 0.07}\n"

@@ -36,7 +36,7 @@ def live(folder: Path) -> None:
     from slosh_estimator.estimator import Estimator
     from slosh_model.model import Model
     from slosh_model.shapes.cylinder import Cylinder
-    from slosh_motion.inputs.sample import Sample
+    from slosh_motion.inputs.sampling import Sample
 
     estimator = Estimator(Model(Cylinder(0.05, 0.07)))
     estimator.update(Sample(0, 0.0, 0.0, 0.0, 0.0, True))
@@ -112,7 +112,7 @@ def _digests(name: str, strengths: Mapping[str, Mapping[str, float]]) -> dict[st
     from slosh_model.model import Model
     from slosh_model.shapes.cylinder import Cylinder
     from slosh_model.simulate import Inputs, simulate
-    from slosh_motion.inputs.sample import Sample, Samples
+    from slosh_motion.inputs.sampling import Sample, Samples
 
     cup = Model(Cylinder(0.05, 0.07), damping_ratio=0.02)
     model = in_fitting_container(cup, name).with_effect(name, **strengths[name])

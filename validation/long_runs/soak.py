@@ -35,7 +35,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
 from slosh_bringup.processes import node_environment
 from slosh_bringup.replay.by_journal import checked_by_journal
-from slosh_motion.recorded.facts import mixed_topics
+from slosh_motion.recorded.sources import mixed_topics
 from slosh_msgs.msg import FreeSurface, PredictionOutcome, SloshComparison
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics

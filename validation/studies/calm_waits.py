@@ -27,7 +27,7 @@ from slosh_base.types import Array
 from slosh_estimator.observer.calm import CalmWatch
 from slosh_estimator.observer.observer import Observer
 from slosh_model.simulate import Inputs, simulate
-from slosh_motion.inputs.sample import Sample
+from slosh_motion.inputs.sampling import Sample
 
 TOLERANCE, LENGTH, BEGIN = 1e-3, 150.0, 0.5
 FREQUENCY, DAMPING, ALPHA = (0.98, 1.02), (0.5, 2.0), (0.45, 0.7)

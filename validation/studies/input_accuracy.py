@@ -27,8 +27,7 @@ from slosh_motion.inputs.gate import GateSettings
 from slosh_motion.inputs.inputs import InputSettings
 from slosh_motion.inputs.joint_poses import JointPoses
 from slosh_motion.inputs.pose_input import PoseInput
-from slosh_motion.inputs.sample import Sample, Samples
-from slosh_motion.inputs.sampling import modes_of
+from slosh_motion.inputs.sampling import Sample, Samples, modes_of
 from slosh_motion.inputs.velocity_input import Twist, VelocityInput
 from slosh_testing.joint_driver import FORE, JOINTS, RAIL_URDF, UPPER, cup_position, quaternion
 from slosh_testing.random_moves import AFTER, MODEL, moves

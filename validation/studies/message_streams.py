@@ -11,9 +11,9 @@ import numpy as np
 
 from slosh_model.model import Model
 from slosh_motion.checks.stamp_checks import stamp_doubts
+from slosh_motion.inputs.frames import Transform
 from slosh_motion.inputs.inputs import InputSettings
 from slosh_motion.inputs.sampling import modes_of
-from slosh_motion.inputs.transform_poses import Transform
 from slosh_motion.inputs.velocity_input import Twist
 
 BEGIN = 1_700_000_000_000_000_000

@@ -27,11 +27,11 @@ from scipy.spatial.transform import Rotation
 
 from slosh_base.types import Array
 from slosh_motion.inputs.gate import GateSettings
-from slosh_motion.inputs.imu_input import ImuInput
 from slosh_motion.inputs.inputs import InputSettings
 from slosh_motion.inputs.pose_input import PoseInput
-from slosh_motion.inputs.sample import Sample
-from slosh_motion.mounting.rotations import axis_rotations, rotation_vector
+from slosh_motion.inputs.sampling import Sample
+from slosh_motion.inputs.sensor_inputs import ImuInput
+from slosh_motion.mounting.columns import axis_rotations, rotation_vector
 from slosh_motion.mounting.verdict import Expected, MountingVerdict
 from slosh_motion.mounting.watch import MountingWatch
 

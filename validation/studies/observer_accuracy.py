@@ -33,7 +33,7 @@ from slosh_estimator.tuning import TUNING
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, State, simulate
-from slosh_motion.inputs.sample import Sample
+from slosh_motion.inputs.sampling import Sample
 
 CUP = Model(Cylinder(0.05, 0.07)).with_effect("vertical_acceleration").nonlinear()
 STEP, LENGTH, START_NS = 0.002, 10.0, 1_000_000_000

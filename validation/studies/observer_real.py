@@ -41,7 +41,7 @@ from slosh_estimator.tuning import TUNING
 from slosh_model.kernel import UPRIGHT
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
-from slosh_motion.inputs.sample import Sample
+from slosh_motion.inputs.sampling import Sample
 from slosh_motion.signals.alignment import despike, find_still_level
 from slosh_replay.tables.antisloshing import read_heights
 

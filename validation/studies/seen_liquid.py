@@ -14,7 +14,7 @@ from slosh_base.types import Array
 from slosh_estimator.observer.observer import Observer
 from slosh_estimator.observer.states import WallHeights
 from slosh_model import Model
-from slosh_motion.inputs.sample import Sample
+from slosh_motion.inputs.sampling import Sample
 from slosh_plan.governor import SeenLiquid
 
 EVERY, PHASE = 0.005, 0.3

@@ -21,7 +21,7 @@ from slosh_bag.reader import BagReader
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.nodes.estimator_node import EstimatorNode
 from slosh_model.model_text import read_model
-from slosh_motion.inputs.sample import Sample
+from slosh_motion.inputs.sampling import Sample
 from slosh_msgs.msg import LimitEvent, SloshEstimate
 from slosh_msgs_py import qos
 from slosh_msgs_py.stamps import to_nanoseconds, to_time

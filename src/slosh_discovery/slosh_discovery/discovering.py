@@ -35,8 +35,8 @@ from slosh_model.tilt import attitude_of, ignored_text, ignored_tilt
 from slosh_motion.checks.table_checks import InputDoubt
 from slosh_motion.recorded import settings
 from slosh_motion.recorded.sources import CellTopics
+from slosh_motion.tables.columns import FOUND_OUT, TableOptions
 from slosh_motion.tables.motion_table import MotionTable, is_motion_table, write_motion_table
-from slosh_motion.tables.options import FOUND_OUT, TableOptions
 
 MODEL, DOCUMENT, PAGE = "model.yaml", "discovery.json", "report.html"
 GROUP_MODEL = "model_{}.yaml"

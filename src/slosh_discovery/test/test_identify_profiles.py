@@ -18,7 +18,7 @@ from slosh_model.model import Model
 from slosh_model.motion_profiles import Cycle
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs
-from slosh_motion.inputs.sample import Samples
+from slosh_motion.inputs.sampling import Samples
 from slosh_motion.tables.motion_table import MotionTable, read_motion_table, write_motion_table
 from slosh_replay.tables.table_bag import import_table
 

@@ -22,7 +22,7 @@ from slosh_estimator.azimuth import WaveOffset, wave_offset
 from slosh_estimator.tuning import TUNING
 from slosh_estimator.wave_presence import Pair, PresenceWatch
 from slosh_motion.checks.constancy import BIN_NS
-from slosh_motion.inputs.rotation import Vector
+from slosh_motion.inputs.frames import Vector
 from slosh_motion.signals.alignment import despike
 from slosh_motion.signals.clock_drift import ClockDriftWatch
 from slosh_motion.signals.metrics import rms_error

@@ -8,7 +8,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from slosh_estimator.tuning import TUNING
-from slosh_motion.inputs.rotation import Vector
+from slosh_motion.inputs.frames import Vector
 
 
 class Condition(IntEnum):

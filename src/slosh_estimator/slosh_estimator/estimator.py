@@ -35,7 +35,7 @@ from slosh_model.layout import back_to_rest, divided, moving_part, set_moving_pa
 from slosh_model.measure import reading_clock
 from slosh_model.model import Model
 from slosh_model.simulate import Simulator
-from slosh_motion.inputs.sample import Sample, Samples
+from slosh_motion.inputs.sampling import Sample, Samples
 
 _SETTLING = int(EstimateFlag.SETTLING)
 _AFTER_GAP = int(EstimateFlag.AFTER_GAP)

@@ -39,7 +39,7 @@ from slosh_estimator.tray_watch import TrayWatch
 from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.tray import Tray
-from slosh_motion.inputs.sample import SECONDS_PER_NS
+from slosh_motion.inputs.sampling import SECONDS_PER_NS
 from slosh_motion.signals.metrics import RunningAccuracy
 
 NAN = float("nan")

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from slosh_base.types import Array, Integers
 from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag
-from slosh_motion.inputs.sample import SECONDS_PER_NS
+from slosh_motion.inputs.sampling import SECONDS_PER_NS
 
 
 class SurfaceFlag(IntFlag):

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_motion.inputs.sample import Sample
+from slosh_motion.inputs.sampling import Sample
 
 _POSE = 4  # where a sample's pose begins
 

@@ -12,7 +12,7 @@ from slosh_base.types import Array, Integers
 from slosh_estimator.estimator import Estimate, Estimates, Estimator
 from slosh_model.model import Model
 from slosh_model.tray import Tray
-from slosh_motion.inputs.sample import Sample, Samples
+from slosh_motion.inputs.sampling import Sample, Samples
 
 _MSH, _AZIMUTH = 0, 1
 

@@ -13,7 +13,7 @@ from slosh_estimator.observer.observer import Observer
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
-from slosh_motion.inputs.sample import Sample
+from slosh_motion.inputs.sampling import Sample
 
 SECOND = 1_000_000_000
 SLOWEST = 0.1

@@ -15,7 +15,7 @@ from slosh_model.model_text import parse_model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.simulate import Inputs, simulate
-from slosh_motion.inputs.sample import Sample, Samples
+from slosh_motion.inputs.sampling import Sample, Samples
 
 MODEL = Model(Cylinder(0.05, 0.07, rim_height=0.09)).spatial()
 TICK = 1_953_125  # ns: 1/512 s, exact in binary, so that both clocks have the same intervals

@@ -19,11 +19,11 @@ from slosh_model.pose import pose_rows
 from slosh_model.response import Response
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
+from slosh_motion.inputs.frames import SensorTransform
 from slosh_motion.inputs.gate import GateSettings
-from slosh_motion.inputs.imu_input import ImuInput
-from slosh_motion.inputs.mounting import SensorTransform
 from slosh_motion.inputs.pose_input import PoseInput
-from slosh_motion.inputs.sample import Sample, Samples
+from slosh_motion.inputs.sampling import Sample, Samples
+from slosh_motion.inputs.sensor_inputs import ImuInput
 
 MS = 1_000_000
 Array = NDArray[np.float64]

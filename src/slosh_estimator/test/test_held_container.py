@@ -18,7 +18,7 @@ from slosh_model.errors import SloshModelError
 from slosh_model.model_text import parse_model
 from slosh_model.standing import Standing
 from slosh_model.tray import Tray, TrayContainer
-from slosh_motion.inputs.sample import Sample, Samples
+from slosh_motion.inputs.sampling import Sample, Samples
 
 MS = 1_000_000
 CUP = parse_model(

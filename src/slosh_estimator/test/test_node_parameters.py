@@ -3,9 +3,9 @@
 from slosh_estimator.limits import Hysteresis
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.nodes import estimator_node, monitor_node
+from slosh_motion.inputs.frames import SensorTransform
 from slosh_motion.inputs.gate import GateSettings
 from slosh_motion.inputs.inputs import InputSettings
-from slosh_motion.inputs.mounting import SensorTransform
 
 
 def defaults(specs):

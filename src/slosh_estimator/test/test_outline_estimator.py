@@ -9,7 +9,7 @@ from slosh_estimator.observer.states import WallHeights
 from slosh_model import Inputs, Model, measured_heights, simulate
 from slosh_model.potential_flow import finite_elements
 from slosh_model.shapes import Prism
-from slosh_motion.inputs.sample import Sample
+from slosh_motion.inputs.sampling import Sample
 
 pytestmark = pytest.mark.skipif(
     not finite_elements.available(), reason="no scikit-fem (requirements/modes.txt)"

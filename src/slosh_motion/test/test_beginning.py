@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from slosh_motion.checks.beginning import BEGAN, Beginning, began_doubt, speed_at_start
+from slosh_motion.checks.constancy import BEGAN, Beginning, began_doubt, speed_at_start
 
 RATES = [50.0, 125.0, 500.0]
 

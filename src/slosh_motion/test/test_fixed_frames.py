@@ -7,9 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slosh_motion.inputs.fixed_frames import FixedFrames
-from slosh_motion.inputs.mounting import SensorTransform, sensor_from_container
-from slosh_motion.inputs.transform_poses import Transform
+from slosh_motion.inputs.frames import (
+    FixedFrames,
+    SensorTransform,
+    Transform,
+    sensor_from_container,
+)
 
 ANGLE, LENGTH = st.floats(-3.1, 3.1), st.floats(-2.0, 2.0)
 

@@ -9,11 +9,10 @@ from scipy.spatial.transform import Rotation
 from slosh_base.files.nanoseconds import SECOND
 from slosh_model.constants import GRAVITY
 from slosh_motion.errors import SloshMotionError
-from slosh_motion.inputs.accel_input import AccelInput
+from slosh_motion.inputs.frames import SensorTransform
 from slosh_motion.inputs.gate import GateSettings, SampleVerdict
-from slosh_motion.inputs.imu_input import ImuInput
-from slosh_motion.inputs.mounting import SensorTransform
 from slosh_motion.inputs.pose_input import PoseInput
+from slosh_motion.inputs.sensor_inputs import AccelInput, ImuInput
 
 MS = 1_000_000
 GATE = GateSettings()

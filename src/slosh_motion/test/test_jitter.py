@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from slosh_motion.checks.jitter import HEIGHT_GAIN, JitterCheck
+from slosh_motion.checks.stamp_checks import HEIGHT_GAIN, JitterCheck
 
 BEGIN = 1_700_000_000_000_000_000
 OMEGA = 18.5

@@ -7,15 +7,9 @@ import random
 import numpy as np
 import pytest
 
-from slosh_motion.checks.message_checks import (
-    Dropouts,
-    Leap,
-    Stairs,
-    ToAndFro,
-    TwistCheck,
-    unstamped,
-)
+from slosh_motion.checks.message_checks import Dropouts, Stairs, ToAndFro, TwistCheck, unstamped
 from slosh_motion.checks.table_checks import motion_doubts
+from slosh_motion.inputs.kept_poses import Leap
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 

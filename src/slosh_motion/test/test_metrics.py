@@ -10,15 +10,13 @@ from scipy.optimize import least_squares
 from slosh_motion.errors import SloshMotionError
 from slosh_motion.signals.metrics import (
     RunningAccuracy,
-    mean_absolute_error,
-    peak_error,
-    rms_error,
-)
-from slosh_motion.signals.surface_metrics import (
     effective_difference,
     effective_height,
     line_approximation_error,
     line_slopes,
+    mean_absolute_error,
+    peak_error,
+    rms_error,
 )
 
 MEASURED = [0.01, 0.04, math.nan, 0.02]

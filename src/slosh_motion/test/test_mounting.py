@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slosh_motion.mounting.rotations import axis_rotations, nearest, roll_pitch_yaw
+from slosh_motion.mounting.columns import axis_rotations, nearest, roll_pitch_yaw
 from slosh_motion.mounting.verdict import Expected, MountingVerdict
 from slosh_motion.mounting.watch import MountingWatch
 

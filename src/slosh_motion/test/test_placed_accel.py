@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from slosh_motion.inputs.fixed_frames import FixedFrames
+from slosh_motion.inputs.frames import FixedFrames, Transform
 from slosh_motion.inputs.gate import GateSettings
 from slosh_motion.inputs.inputs import APART, PLACED, InputSettings
-from slosh_motion.inputs.transform_poses import Transform
 
 MS = 1_000_000
 ARM = np.array([0.12, -0.08, 0.05])

@@ -10,14 +10,13 @@ from hypothesis import strategies as st
 
 from slosh_model.constants import GRAVITY
 from slosh_motion.errors import SloshMotionError
-from slosh_motion.inputs.accel_input import AccelInput
+from slosh_motion.inputs.frames import SensorTransform
 from slosh_motion.inputs.gate import GateSettings, SampleVerdict
-from slosh_motion.inputs.imu_input import ImuInput
 from slosh_motion.inputs.inputs import InputSettings
-from slosh_motion.inputs.mounting import SensorTransform
 from slosh_motion.inputs.pose_filter import PoseFilter
 from slosh_motion.inputs.pose_input import PoseInput
 from slosh_motion.inputs.sampling import MEMORY, Sampling, gap_sentence, interpolation_gain
+from slosh_motion.inputs.sensor_inputs import AccelInput, ImuInput
 from slosh_motion.tuning import TUNING
 
 MS = 1_000_000

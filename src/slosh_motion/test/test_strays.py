@@ -13,7 +13,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.bag_contents import bag_contents
 from slosh_bag.reader import BagReader
 from slosh_bag.recover import NotedDefinitions
-from slosh_motion.recorded.strays import StrayFilter
+from slosh_motion.recorded.motion import StrayFilter
 from slosh_replay.replay import replay_bag
 from slosh_replay.split import split_bag
 from slosh_replay.tables.bag_table import TableSettings, read_bag_table

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from slosh_base.files.errors import SloshFileError
+from slosh_motion.tables.columns import TableOptions, TableWarning
 from slosh_motion.tables.motion_table import read_motion_table
-from slosh_motion.tables.options import TableOptions, TableWarning
 from slosh_plan.tables.path_table import read_path_table
 from slosh_plan.tables.trajectory_table import read_trajectory
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from slosh_motion.inputs.timed_pose import TimedPose
-from slosh_motion.inputs.transform_poses import POSED, Transform, TransformPoses
+from slosh_motion.inputs.frames import TimedPose, Transform
+from slosh_motion.inputs.transform_poses import POSED, TransformPoses
 
 MS = 1_000_000
 BEGIN = 1_700_000_000_000_000_000

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from slosh_motion.inputs.frames import SensorTransform
 from slosh_motion.inputs.gate import GateSettings
 from slosh_motion.inputs.inputs import ODOMETRY, TWIST, InputSettings
-from slosh_motion.inputs.mounting import SensorTransform
 from slosh_motion.inputs.velocity_input import Twist
 
 BEGIN = 1_700_000_000_000_000_000

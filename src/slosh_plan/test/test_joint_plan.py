@@ -10,7 +10,7 @@ from slosh_base.files.errors import SloshFileError
 from slosh_model import Inputs, simulate
 from slosh_model.model_text import parse_model
 from slosh_motion.inputs.robot import available
-from slosh_motion.tables.options import FOUND_OUT
+from slosh_motion.tables.columns import FOUND_OUT
 from slosh_plan import SloshPlanError
 from slosh_plan.joints import Arm
 from slosh_plan.planning.joint_limits import (

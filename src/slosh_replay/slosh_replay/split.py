@@ -16,8 +16,8 @@ from slosh_bag.recover import NotedDefinitions
 from slosh_base.files import check_outside, new_folder
 from slosh_motion.inputs.inputs import TRANSFORMS
 from slosh_motion.recorded.inputs import STAMP, recorded_inputs, stamps_of
+from slosh_motion.recorded.motion import set_backs, strays_ahead
 from slosh_motion.recorded.sources import Sources, find_sources
-from slosh_motion.recorded.strays import set_backs, strays_ahead
 from slosh_msgs_py import topics
 
 PART = "part_{}"

@@ -23,9 +23,9 @@ from slosh_estimator.tray_estimator import TrayEstimate, TrayEstimator
 from slosh_model.constants import GRAVITY
 from slosh_model.model_text import format_model, parse_model
 from slosh_model.tray import TRAY, Tray, format_tray
+from slosh_motion.inputs.frames import SensorTransform
 from slosh_motion.inputs.gate import GateSettings
 from slosh_motion.inputs.inputs import InputSettings
-from slosh_motion.inputs.mounting import SensorTransform
 from slosh_motion.inputs.sampling import modes_of
 from slosh_msgs_py.journal_format import MESSAGE, MICROSECOND, checksum
 

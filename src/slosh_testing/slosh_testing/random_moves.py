@@ -20,8 +20,7 @@ from slosh_model.shapes.cylinder import Cylinder
 from slosh_motion.inputs.gate import GateSettings
 from slosh_motion.inputs.inputs import InputSettings
 from slosh_motion.inputs.pose_input import PoseInput
-from slosh_motion.inputs.sample import Samples
-from slosh_motion.inputs.sampling import modes_of
+from slosh_motion.inputs.sampling import Samples, modes_of
 
 Array = NDArray[np.float64]
 MODEL = Model(Cylinder(0.04, 0.06), damping_ratio=0.01)

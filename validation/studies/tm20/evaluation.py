@@ -21,7 +21,7 @@ from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
 from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.simulate import Inputs
-from slosh_motion.signals.surface_metrics import (
+from slosh_motion.signals.metrics import (
     effective_difference,
     effective_height,
     line_slopes,

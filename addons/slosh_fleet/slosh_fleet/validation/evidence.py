@@ -15,10 +15,9 @@ from slosh_estimator.monitor_settings import HEIGHT_LIMITS, MonitorSettings
 from slosh_estimator.sight import SATURATED
 from slosh_fleet.validation.content import LimitInForce, Peak, Recording
 from slosh_fleet.validation.criteria import COVERAGE, NAN, Evidence
-from slosh_motion.recorded.facts import event_lines, lost_messages
 from slosh_motion.recorded.inputs import STAMP, stamps_of
 from slosh_motion.recorded.settings import latest
-from slosh_motion.recorded.sources import SURFACE, CellTopics
+from slosh_motion.recorded.sources import SURFACE, CellTopics, event_lines, lost_messages
 from slosh_msgs_py import topics
 from slosh_replay.in_force import parameter_changes
 from slosh_replay.recorded_run import RecordedRun

@@ -12,9 +12,8 @@ from slosh_base.types import Array
 from slosh_bringup.cell.motions import CellMotion, make_motion
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.interpolation import columns_at
+from slosh_motion.tables.columns import TableOptions, Tell, check_span, warn
 from slosh_motion.tables.motion_table import MotionTable, read_motion_table
-from slosh_motion.tables.options import TableOptions, Tell, warn
-from slosh_motion.tables.units import check_span
 
 TABLE_ENDINGS = (".csv", ".csv.gz")
 REPEATS = (1, 10_000)

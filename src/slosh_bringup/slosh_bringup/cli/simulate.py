@@ -28,8 +28,8 @@ from slosh_model.response import Response
 from slosh_model.simulate import simulate
 from slosh_model.tilt import added_text, attitude_of, with_tilt
 from slosh_motion.checks.table_checks import InputDoubt
+from slosh_motion.tables.columns import check_span
 from slosh_motion.tables.motion_table import read_motion_table
-from slosh_motion.tables.units import check_span
 from slosh_plan import HeightLimits
 from slosh_plan.heights import highest, msh_of
 from slosh_plan.prediction import checked_horizon

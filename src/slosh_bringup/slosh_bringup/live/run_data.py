@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from slosh_bag.reader import TopicInfo, stamp_ns
 from slosh_base.types import Array
 from slosh_bringup.cell.governed_cup import GovernedOutcome
-from slosh_motion.recorded.facts import lost_messages, shared_topics_line
+from slosh_motion.recorded.sources import lost_messages, shared_topics_line
 from slosh_msgs_py.topics import COMPARISON
 from slosh_replay.recorded_run import RecordedRun
 

@@ -15,7 +15,7 @@ from slosh_model.least_wave import growth_text
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
 from slosh_model.wall import Wall, WallPlace
-from slosh_motion.checks.beginning import BEGAN
+from slosh_motion.checks.constancy import BEGAN
 from slosh_motion.checks.table_checks import InputDoubt, motion_doubts
 from slosh_motion.tables.motion_table import MotionTable
 from slosh_plan.doubts import rows_doubt

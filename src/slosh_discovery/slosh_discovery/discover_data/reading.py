@@ -34,16 +34,15 @@ from slosh_model.gaps import gap_text
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
 from slosh_motion.checks.table_checks import InputDoubt, motion_doubts
-from slosh_motion.recorded.facts import TABLE_COLUMNS, clocks_unrelated
-from slosh_motion.signals.surface_metrics import line_slopes
+from slosh_motion.recorded.sources import TABLE_COLUMNS, clocks_unrelated
+from slosh_motion.signals.metrics import line_slopes
+from slosh_motion.tables.columns import FOUND_OUT, TableOptions, check_span
 from slosh_motion.tables.motion_table import (
     SUFFIXES,
     MotionTable,
     is_motion_table,
     read_motion_table,
 )
-from slosh_motion.tables.options import FOUND_OUT, TableOptions
-from slosh_motion.tables.units import check_span
 from slosh_replay.tables.bag_table import TableSettings, read_bag_table
 
 NAN = float("nan")

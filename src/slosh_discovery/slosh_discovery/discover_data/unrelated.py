@@ -23,8 +23,8 @@ from slosh_model.constants import GRAVITY
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
-from slosh_motion.recorded.facts import noted_container
 from slosh_motion.recorded.motion import RecordedMotion
+from slosh_motion.recorded.sources import noted_container
 from slosh_motion.signals.alignment import (
     despike,
     estimate_clock_offset,

@@ -10,7 +10,7 @@ from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.identify.result import DwellVibration, FittedMotion
 from slosh_discovery.identify.trials import rise_span
 from slosh_discovery.identify.tuning import TUNING
-from slosh_motion.signals.surface_metrics import (
+from slosh_motion.signals.metrics import (
     effective_difference,
     effective_height,
     line_slopes,

@@ -21,8 +21,8 @@ from slosh_estimator.estimator import Estimator
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs
-from slosh_motion.inputs.sample import Samples
-from slosh_motion.signals.surface_metrics import line_approximation_error
+from slosh_motion.inputs.sampling import Samples
+from slosh_motion.signals.metrics import line_approximation_error
 
 TOLERANCE = 0.0005
 """TM20's tolerable ε̄ [m]."""

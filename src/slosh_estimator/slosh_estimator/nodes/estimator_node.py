@@ -55,8 +55,7 @@ from slosh_motion.inputs.inputs import (
     InputSettings,
 )
 from slosh_motion.inputs.robot import Robot, read_urdf
-from slosh_motion.inputs.sample import Sample
-from slosh_motion.inputs.sampling import modes_of
+from slosh_motion.inputs.sampling import Sample, modes_of
 from slosh_msgs.msg import EstimatorState, ExpectedReading, SloshEstimate, TrayEstimate
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics

@@ -11,10 +11,8 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.nodes.estimator_messages import imu_vectors
 from slosh_motion.checks.constant_meaning import Doubt
 from slosh_motion.errors import SloshMotionError
-from slosh_motion.inputs.accel_input import AccelInput
-from slosh_motion.inputs.fixed_frames import FixedFrames
+from slosh_motion.inputs.frames import FixedFrames, SensorTransform, TimedPose, Transform, Vector
 from slosh_motion.inputs.gate import SampleVerdict
-from slosh_motion.inputs.imu_input import ImuInput
 from slosh_motion.inputs.inputs import (
     APART,
     CHAINED_SINCE,
@@ -26,13 +24,15 @@ from slosh_motion.inputs.inputs import (
     InputSettings,
 )
 from slosh_motion.inputs.joint_poses import JointPoses
-from slosh_motion.inputs.mounting import SensorTransform
-from slosh_motion.inputs.placed_accel import PlacedAccel, PlacedAcceleration
 from slosh_motion.inputs.pose_input import PoseInput
-from slosh_motion.inputs.rotation import Vector
-from slosh_motion.inputs.sample import Sample
-from slosh_motion.inputs.timed_pose import TimedPose
-from slosh_motion.inputs.transform_poses import POSED, Transform, TransformPoses
+from slosh_motion.inputs.sampling import Sample
+from slosh_motion.inputs.sensor_inputs import AccelInput, ImuInput
+from slosh_motion.inputs.transform_poses import (
+    POSED,
+    PlacedAccel,
+    PlacedAcceleration,
+    TransformPoses,
+)
 from slosh_motion.inputs.velocity_input import OdometryPoses, Twist, VelocityInput
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import find_type

@@ -21,7 +21,7 @@ from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_height
 from slosh_estimator.tuning import TUNING
 from slosh_model.model import Model
 from slosh_model.wall import Wall
-from slosh_motion.inputs.sample import Sample
+from slosh_motion.inputs.sampling import Sample
 from slosh_msgs.action import WaitUntilCalm
 from slosh_msgs.msg import Calm, FreeSurface, FusedEstimate
 from slosh_msgs.msg import ObserverState as ObserverStateMessage

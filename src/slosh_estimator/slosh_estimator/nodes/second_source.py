@@ -9,6 +9,7 @@ from std_msgs.msg import String
 
 from slosh_estimator.nodes.input_subscription import InputSubscription
 from slosh_motion.errors import SloshMotionError
+from slosh_motion.inputs.frames import SensorTransform, Vector
 from slosh_motion.inputs.inputs import (
     ACCEL,
     IMU,
@@ -19,10 +20,8 @@ from slosh_motion.inputs.inputs import (
     TRANSFORMS,
     InputSettings,
 )
-from slosh_motion.inputs.mounting import SensorTransform
 from slosh_motion.inputs.robot import HOW_TO_GET, available
-from slosh_motion.inputs.rotation import Vector
-from slosh_motion.inputs.sample import Sample
+from slosh_motion.inputs.sampling import Sample
 from slosh_motion.mounting.verdict import MountingVerdict
 from slosh_motion.mounting.watch import MountingWatch
 from slosh_msgs_py import qos, topics

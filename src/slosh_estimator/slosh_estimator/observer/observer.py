@@ -28,7 +28,7 @@ from slosh_model.indices import POSE_COUNT
 from slosh_model.layout import back_to_rest, divided
 from slosh_model.model import Model
 from slosh_model.simulate import store_of
-from slosh_motion.inputs.sample import Sample
+from slosh_motion.inputs.sampling import Sample
 from slosh_motion.signals.motion_spans import MotionFinder
 
 _RESTARTS = int(EstimateFlag.AFTER_GAP | EstimateFlag.DIVERGED)

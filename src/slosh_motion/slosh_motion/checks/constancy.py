@@ -16,6 +16,7 @@ import numpy as np
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array, Integers
+from slosh_motion.checks.constant_meaning import FINE, Doubt
 from slosh_motion.tuning import TUNING
 
 Vector = tuple[float, float, float]
@@ -207,3 +208,210 @@ def _told(number: int, base: int) -> float:
 
 def _heard(told: float, base: int) -> int:
     return -(2**62) if math.isnan(told) else round(told) + base
+
+
+REST = TUNING.rest
+DEPARTURE = TUNING.departure
+_ZERO: Vector = (0.0, 0.0, 0.0)
+
+
+class ConstantFinder:
+    """Finds the constant part of an acceleration while the container is at rest."""
+
+    def __init__(self) -> None:
+        self.stretch = Stretch(TOLERANCE, MOST)
+        self.restart()
+
+    def restart(self) -> None:
+        """Discards the present standstill and the integrated speed, after a gap in the input."""
+        self.stretch.restart()
+        self._earlier: Vector | None = None
+        self._departed = False
+        self.bias: Vector = _ZERO
+        self._speed, self._time, self._last = _ZERO, 0.0, -(2**62)
+
+    def take(self, number: int, mean: Vector, felt: Vector | None = None) -> Vector | None:
+        """Adds a time bin; returns the constant acceleration at rest, or None if it is unknown.
+
+        Args:
+            number: of the bin.
+            mean: of the input [m/s²].
+            felt: what moves the container, as far as it is known; None: the input [m/s²].
+        """
+        felt = felt or mean
+        steps = number - self._last if self._time else 1
+        self._last = number
+        seconds = BIN * steps
+        kept = math.exp(-seconds / TUNING.forgetting)
+        speed, bias = self._speed, self.bias
+        self._speed = (
+            kept * speed[0] + seconds * (felt[0] - bias[0]),
+            kept * speed[1] + seconds * (felt[1] - bias[1]),
+            kept * speed[2] + seconds * (felt[2] - bias[2]),
+        )
+        self._time = kept * self._time + seconds
+        before, lasted = self.stretch.mean, self.stretch.seconds
+        if not self.stretch.take(number, mean) and lasted >= REST and math.hypot(*before) > FINE:
+            self._earlier, self._departed = before, False
+        if self._earlier is not None:
+            self._departed |= math.dist(mean, self._earlier) > DEPARTURE
+        if self.stretch.seconds < REST:
+            return None
+        constant = self.stretch.mean
+        if math.hypot(*constant) <= FINE:
+            self._earlier, self._departed, self.bias = None, False, constant
+            return constant
+        return constant if self._is_no_acceleration(constant) else None
+
+    def adopt(self, constant: Vector) -> None:
+        """Takes a constant acceleration as the input's bias, which is then subtracted."""
+        self._earlier, self._departed, self.bias = None, False, constant
+        self._speed, self._time = _ZERO, 0.0
+
+    def _is_no_acceleration(self, constant: Vector) -> bool:
+        """Returns whether a constant is no real acceleration, by the speed that it would cause."""
+        left = math.dist(constant, self.bias)
+        if left * self.stretch.seconds > TOP_SPEED:
+            return True
+        reached = math.hypot(*self._speed)
+        whole = tuple(self._time * (constant[i] - self.bias[i]) for i in range(3))
+        rest = math.dist(self._speed, whole)
+        if reached > TOP_SPEED and rest <= TOP_SPEED:
+            return True
+        again = self._departed and self._earlier is not None
+        if not again or math.dist(constant, self._earlier or constant) > 0.1 + 0.02 * reached:
+            return False
+        return reached >= 0.5 * TOP_SPEED and rest <= 0.25 * left * self._time
+
+    def memory(self, base: int) -> list[float]:
+        """Returns the state as numbers for `take_up`; time bins are counted from `base`."""
+        last = float(self._last - base) if self._time else math.nan
+        earlier = self._earlier or (math.nan,) * 3
+        own = [*self._speed, self._time, last, *earlier, float(self._departed), *self.bias]
+        return [*own, *self.stretch.memory(base)]
+
+    def take_up(self, memory: Sequence[float], base: int) -> None:
+        """Restores the state that `memory` returned."""
+        vx, vy, vz, self._time, last, ex, ey, ez, departed, bx, by, bz, *stretch = memory
+        self.bias = bx, by, bz
+        self._speed = vx, vy, vz
+        self._last = -(2**62) if math.isnan(last) else round(last) + base
+        self._earlier = None if math.isnan(ex) else (ex, ey, ez)
+        self._departed = bool(departed)
+        self.stretch.take_up(stretch, base)
+
+
+FINDER_MEMORY = 12 + STRETCH_MEMORY
+"""Numbers in the memory of a ConstantFinder."""
+
+
+BEGAN = "begins in motion"
+"""Part of what is told, by which others find it."""
+
+
+def began_doubt(shown: str) -> Doubt:
+    """Returns what is told of an input that begins in motion.
+
+    Args:
+        shown: its speed or acceleration, with the unit.
+    """
+    return Doubt(
+        f"the input {BEGAN} ({shown}): the liquid's state is not known there, and heights are "
+        "wrong until the wave from before has decayed; begin while the container rests"
+    )
+
+
+def speed_at_start(t: Array, values: Array, derivative: int) -> float:
+    """Returns the speed at the first of some moments [m/s]; 0 if the values do not show one.
+
+    It is that of a parabola along the way. A motion that begins at the first moment, or later,
+    bends away from a parabola such that its speed there is none, or leads back.
+
+    Args:
+        t: (N,) rising [s].
+        values: (N, 3) positions [m], or velocities [m/s].
+        derivative: of the values that the speed is: 1 of positions, 0 of velocities.
+    """
+    freedom = len(t) - 3
+    along = values[-1] - values[0] if derivative else values[0]
+    size = float(np.linalg.norm(along))
+    if freedom < 1 or size == 0.0:
+        return 0.0
+    length = float(t[-1] - t[0])
+    way = (values - values[0] if derivative else values) @ along / size
+    powers = np.vander((t - t[0]) / length, 3, increasing=True)
+    inverse = np.linalg.pinv(powers)
+    terms = inverse @ way
+    variance = float(np.sum((way - powers @ terms) ** 2)) / freedom
+    noises = TUNING.began_noises * (1.0 + TUNING.began_few / (freedom * freedom))
+    scale = length**-derivative
+    error = scale * math.sqrt(variance) * float(np.linalg.norm(inverse[derivative]))
+    speed = scale * float(terms[derivative])
+    return speed if speed > max(TUNING.began_speed, noises * error) else 0.0
+
+
+class Beginning:
+    """Tells by the first accelerations of an input whether it begins in motion.
+
+    Attributes:
+        open: whether that is not decided yet.
+        size: the first acceleration along the floor, where it is one of a motion [m/s²]; 0: none.
+    """
+
+    def __init__(self) -> None:
+        self.open = True
+        self.size = 0.0
+        self._first_ns: int | None = None
+        self._number = 0
+        self._first: list[Vector] = []
+        self._newest: list[Vector] = []
+        self._all: list[Vector] = []
+
+    def take(self, stamp_ns: int, acceleration: Vector) -> bool:
+        """Adds an acceleration, gravity excluded [m/s²]; returns whether it shows a motion.
+
+        That is told once.
+        """
+        if not self.open:
+            return False
+        if self._first_ns is None:
+            self._first_ns, self._first = stamp_ns, self._newest
+        number = (stamp_ns - self._first_ns) // BIN_NS
+        if number != self._number:
+            self._judge()
+            self._newest, self._number = [], number
+            self.open = self.open and number * BIN_NS <= TUNING.rest * SECOND
+        self._newest.append(acceleration)
+        self._all.append(acceleration)
+        return self.size > 0.0
+
+    def _judge(self) -> None:
+        """Compares the newest time bin with the first."""
+        first, last = _line(self._first, 0.0), _line(self._newest, 0.5)
+        size, apart = float(np.hypot(*first)), float(np.hypot(*(last - first)))
+        # Of what changes smoothly the second differences are small.
+        bends = np.diff(np.array(self._all)[:, :2], 2, axis=0)
+        noise = math.sqrt(float(np.mean(bends**2)) / 6.0) if len(bends) else 0.0
+        if size <= max(TUNING.began_acceleration, TUNING.began_shakes * noise):
+            self.open = False
+        elif len(bends) >= TUNING.began_poses and apart > max(
+            TUNING.departure, TUNING.began_noises * noise
+        ):
+            self.open, self.size = False, size
+
+
+def _line(samples: list[Vector], share: float) -> Array:
+    """Returns the value (2,) of a line through accelerations along the floor [m/s²].
+
+    Args:
+        samples: evenly spaced.
+        share: part of their time at which it is wanted.
+    """
+    values = np.array(samples)[:, :2]
+    if len(values) < 4:
+        found: Array = values.mean(axis=0)
+        return found
+    powers = np.vander(np.linspace(0.0, 1.0, len(values)), 2, increasing=True)
+    terms = np.linalg.pinv(powers) @ values
+    value: Array = terms[0] + share * terms[1]
+    return value

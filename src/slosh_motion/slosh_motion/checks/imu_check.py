@@ -6,8 +6,15 @@ import math
 from collections.abc import Sequence
 
 from slosh_model.constants import GRAVITY
-from slosh_motion.checks.constancy import BIN, TOP_SPEED, Bin, Vector
-from slosh_motion.checks.constant_finder import FINDER_MEMORY, REST, ConstantFinder
+from slosh_motion.checks.constancy import (
+    BIN,
+    FINDER_MEMORY,
+    REST,
+    TOP_SPEED,
+    Bin,
+    ConstantFinder,
+    Vector,
+)
 from slosh_motion.checks.constant_meaning import Doubt, Matrix, angle, force_doubt
 from slosh_motion.checks.input_checks import (
     CONSTANT,

@@ -28,14 +28,16 @@ from slosh_base.types import Array, Integers
 from slosh_motion.checks.constancy import (
     BIN,
     BIN_NS,
+    FINDER_MEMORY,
+    REST,
     STRETCH_MEMORY,
     TOP_SPEED,
     Bin,
     Bins,
+    ConstantFinder,
     Stretch,
     Vector,
 )
-from slosh_motion.checks.constant_finder import FINDER_MEMORY, REST, ConstantFinder
 from slosh_motion.checks.constant_meaning import (
     WRONG_POSE,
     Doubt,

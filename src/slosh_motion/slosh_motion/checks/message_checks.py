@@ -3,7 +3,6 @@
 Each check takes the messages in the order in which they came, live, from a recording and from a
 table alike, and costs some additions per message:
 
-- `Leap`: a pose that leaps away and back, as a driver sends zeros now and then. It is not used.
 - `ToAndFro`: two publishers on one topic, one of them late: single steps lead back although the
   motion leads on. A single publisher's do not, whatever its stamps say.
 - `Dropouts`: velocities that are zero now and then.
@@ -17,7 +16,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_motion.checks.constancy import Vector
@@ -27,64 +25,6 @@ from slosh_motion.tuning import TUNING
 
 UNSTAMPED_REMEDY = "the driver does not fill header.stamp; let it write the time of measurement"
 _NOWHERE: Vector = (0.0, 0.0, 0.0)
-
-
-class Leap(NamedTuple):
-    """The change from one pose to the next: distance [m], angle [rad], time between them [s]."""
-
-    distance: float
-    angle: float
-    seconds: float
-
-    @classmethod
-    def between(cls, one: Sequence[float], other: Sequence[float], seconds: float) -> Leap:
-        """Returns the change between two poses: position and a quaternion of any length."""
-        cosine = abs(sum(a * b for a, b in zip(one[3:], other[3:], strict=True)))
-        lengths = math.hypot(*one[3:]) * math.hypot(*other[3:])
-        angle = 2.0 * math.acos(min(cosine / lengths, 1.0))
-        return cls(math.dist(one[:3], other[:3]), angle, seconds)
-
-    def is_small(self) -> bool:
-        """Returns whether the change is none that matters."""
-        return self.distance <= TUNING.leap_distance and self.angle <= TUNING.leap_angle
-
-    def is_way_of(self, steps: Sequence[Leap]) -> bool:
-        """Returns whether steps that add up to this change lead there without a detour."""
-        way, turn = sum(step.distance for step in steps), sum(step.angle for step in steps)
-        return (
-            way <= TUNING.leap_detour * self.distance + TUNING.leap_distance
-            and turn <= TUNING.leap_detour * self.angle + TUNING.leap_angle
-        )
-
-    def is_beyond(self, before: Sequence[Leap], usual: float) -> bool:
-        """Returns whether no motion that went on as `before` leads so far.
-
-        Args:
-            before: the last changes from pose to pose; none: only its speed tells.
-            usual: time between two poses [s]; 0: not known.
-        """
-        if not before:
-            return self.distance > TUNING.leap_distance + TUNING.leap_speed * self.seconds
-        longer = [max(self.seconds / max(one.seconds, 0.25 * usual), 1.0) for one in before]
-        far, turn = (
-            TUNING.leap_steps * max(size * time for size, time in zip(sizes, longer, strict=True))
-            for sizes in ([one.distance for one in before], [one.angle for one in before])
-        )
-        square = 0.5 * max(self.seconds, usual) ** 2
-        return (
-            self.distance > TUNING.leap_distance + far + TUNING.leap_acceleration * square
-            or self.angle > TUNING.leap_angle + turn + TUNING.leap_spin * square
-        )
-
-
-def leap_doubt(count: int, largest: Leap, noun: str) -> Doubt:
-    """Returns what is told of poses that leapt away and back."""
-    return Doubt(
-        f"{count} of the {noun} leap by up to {largest.distance:.2g} m and "
-        f"{math.degrees(largest.angle):.2g}° and back: they are not used; a driver that sends "
-        "zeros, or a joint that jumps, must be mended",
-        wrong=False,
-    )
 
 
 class ToAndFro:

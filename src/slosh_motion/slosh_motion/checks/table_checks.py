@@ -13,8 +13,16 @@ import numpy as np
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array, Integers
 from slosh_model.constants import GRAVITY
-from slosh_motion.checks.constancy import MOST, TOLERANCE, TOP_SPEED, Bins, Stretch, Vector
-from slosh_motion.checks.constant_finder import DEPARTURE, REST
+from slosh_motion.checks.constancy import (
+    DEPARTURE,
+    MOST,
+    REST,
+    TOLERANCE,
+    TOP_SPEED,
+    Bins,
+    Stretch,
+    Vector,
+)
 from slosh_motion.checks.constant_meaning import FINE, SIZE, Doubt, acceleration_doubt
 from slosh_motion.checks.input_checks import AccelCheck, PoseCheck
 from slosh_motion.checks.input_faults import FaultKind

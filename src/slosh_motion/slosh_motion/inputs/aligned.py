@@ -14,7 +14,7 @@ from typing import Generic, TypeVar
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_motion.checks.constant_meaning import Doubt
-from slosh_motion.inputs.sample import SECONDS_PER_NS
+from slosh_motion.inputs.sampling import SECONDS_PER_NS
 from slosh_motion.tuning import TUNING
 
 Values = tuple[float, ...]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from slosh_motion.checks.stamp_checks import StampUnit
 from slosh_motion.errors import SloshMotionError
-from slosh_motion.inputs.rotation import Vector
+from slosh_motion.inputs.frames import Vector
 from slosh_motion.tuning import TUNING
 
 

@@ -10,17 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slosh_model.model import TILT, Model
-from slosh_motion.inputs.accel_input import AccelInput
-from slosh_motion.inputs.fixed_frames import FixedFrames
+from slosh_motion.inputs.frames import Base, FixedFrames, SensorTransform
 from slosh_motion.inputs.gate import GateSettings
-from slosh_motion.inputs.imu_input import ImuInput
 from slosh_motion.inputs.joint_poses import JointPoses
-from slosh_motion.inputs.mounting import Base, SensorTransform
-from slosh_motion.inputs.placed_accel import PlacedAccel
 from slosh_motion.inputs.pose_input import PoseInput
 from slosh_motion.inputs.robot import Robot
 from slosh_motion.inputs.sampling import Modes
-from slosh_motion.inputs.transform_poses import POSED, TransformPoses
+from slosh_motion.inputs.sensor_inputs import AccelInput, ImuInput
+from slosh_motion.inputs.transform_poses import POSED, PlacedAccel, TransformPoses
 from slosh_motion.inputs.velocity_input import OdometryPoses, VelocityInput
 from slosh_motion.mounting.verdict import Expected
 from slosh_msgs_py.topics import DRIVING

@@ -14,9 +14,9 @@ from collections.abc import Sequence
 from slosh_base.files.nanoseconds import SECOND
 from slosh_motion.checks.constant_meaning import Doubt
 from slosh_motion.inputs.aligned import AlignedStreams, Values, clock_doubt
+from slosh_motion.inputs.frames import TimedPose
 from slosh_motion.inputs.robot import Robot
-from slosh_motion.inputs.sample import SECONDS_PER_NS
-from slosh_motion.inputs.timed_pose import TimedPose
+from slosh_motion.inputs.sampling import SECONDS_PER_NS
 from slosh_motion.tuning import TUNING
 
 _Layout = tuple[tuple[str, ...], tuple[int, ...]]

@@ -17,16 +17,23 @@ from typing import NamedTuple
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_motion.checks.beginning import began_doubt, speed_at_start
+from slosh_motion.checks.constancy import began_doubt, speed_at_start
 from slosh_motion.checks.constant_meaning import Doubt
 from slosh_motion.checks.input_checks import PoseCheck
-from slosh_motion.checks.jitter import JitterCheck
-from slosh_motion.checks.message_checks import Leap, Stairs, ToAndFro, leap_doubt
+from slosh_motion.checks.message_checks import Stairs, ToAndFro
+from slosh_motion.checks.stamp_checks import JitterCheck
 from slosh_motion.errors import SloshMotionError
-from slosh_motion.inputs.checked_input import CheckedInput, remembered
+from slosh_motion.inputs.frames import (
+    Base,
+    Quaternion,
+    SensorTransform,
+    ToolPose,
+    Vector,
+    composed,
+    yaw_of_quaternion,
+)
 from slosh_motion.inputs.gate import GateSettings, SampleGate, SampleVerdict, fault_of
-from slosh_motion.inputs.kept_poses import NUMBERS, KeptPoses
-from slosh_motion.inputs.mounting import Base, Quaternion, SensorTransform, ToolPose, composed
+from slosh_motion.inputs.kept_poses import NUMBERS, KeptPoses, Leap, leap_doubt
 from slosh_motion.inputs.pose_filter import (
     CUBIC,
     FEWEST,
@@ -36,9 +43,8 @@ from slosh_motion.inputs.pose_filter import (
     second_derivative,
     turning,
 )
-from slosh_motion.inputs.rotation import Vector, yaw_of_quaternion
-from slosh_motion.inputs.sample import SECONDS_PER_NS, Sample
-from slosh_motion.inputs.sampling import MEMORY, Modes, Sampling
+from slosh_motion.inputs.sampling import MEMORY, SECONDS_PER_NS, Modes, Sample, Sampling
+from slosh_motion.inputs.sensor_inputs import CheckedInput, remembered
 from slosh_motion.tuning import TUNING
 
 MINIMUM_WINDOW = 2 * FEWEST + 1

@@ -15,8 +15,7 @@ from slosh_base.files.bounded_text import read_text
 from slosh_base.files.errors import TextFileError
 from slosh_base.files.quiet_decoders import quiet_decoders
 from slosh_motion.errors import SloshMotionError
-from slosh_motion.inputs.mounting import Quaternion
-from slosh_motion.inputs.rotation import Vector
+from slosh_motion.inputs.frames import Quaternion, Vector
 from slosh_motion.tuning import TUNING
 
 HOW_TO_GET = (

@@ -22,17 +22,17 @@ from slosh_motion.checks.input_faults import (
 )
 from slosh_motion.checks.message_checks import Dropouts, TwistCheck
 from slosh_motion.errors import SloshMotionError
-from slosh_motion.inputs.gate import GateSettings
-from slosh_motion.inputs.mounting import (
+from slosh_motion.inputs.frames import (
     Quaternion,
     SensorTransform,
+    Vector,
     composed,
     rotated,
     sensor_from_container,
 )
+from slosh_motion.inputs.gate import GateSettings
 from slosh_motion.inputs.pose_input import PoseInput
-from slosh_motion.inputs.rotation import Vector
-from slosh_motion.inputs.sample import SECONDS_PER_NS, Sample
+from slosh_motion.inputs.sampling import SECONDS_PER_NS, Sample
 from slosh_motion.tuning import TUNING
 
 _NOWHERE: Vector = (0.0, 0.0, 0.0)

@@ -21,27 +21,32 @@ from typing import NamedTuple
 import numpy as np
 
 from slosh_base.types import Array, BoolArray
-from slosh_motion.mounting.columns import ACCELERATION, ARM, RATE, UP, Aligned
-from slosh_motion.mounting.hypotheses import (
-    RATIO,
-    Answer,
-    Side,
-    best_hypothesis,
-    least_variance,
-    variance_of,
+from slosh_motion.mounting.columns import (
+    ACCELERATION,
+    ARM,
+    RATE,
+    UP,
+    Aligned,
+    nearest,
+    rotation_vector,
 )
 from slosh_motion.mounting.refinement import (
     GAIN,
     GRAVITY_GAIN,
     LAG,
     PLACE,
+    RATIO,
     TURN,
+    Answer,
     Problem,
     Rates,
+    Side,
     Solution,
+    best_hypothesis,
+    least_variance,
     refined,
+    variance_of,
 )
-from slosh_motion.mounting.rotations import nearest, rotation_vector
 from slosh_motion.mounting.tuning import TUNING
 
 FEWEST = 20

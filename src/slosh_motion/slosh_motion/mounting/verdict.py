@@ -10,15 +10,15 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
-from slosh_motion.mounting.hypotheses import unmirrored
-from slosh_motion.mounting.mounting_fit import MountingFit
-from slosh_motion.mounting.rotations import (
+from slosh_motion.mounting.columns import (
     axes_in_words,
     axis_in_words,
     roll_pitch_yaw,
     rotation_vector,
     snapped,
 )
+from slosh_motion.mounting.mounting_fit import MountingFit
+from slosh_motion.mounting.refinement import unmirrored
 from slosh_motion.mounting.tuning import TUNING
 
 UNITS: Mapping[str, float] = {"g": 1.0 / GRAVITY, "mm/s²": 1000.0, "cm/s²": 100.0}

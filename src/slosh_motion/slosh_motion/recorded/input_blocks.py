@@ -22,7 +22,7 @@ from slosh_motion.checks.message_checks import TwistCheck, unstamped
 from slosh_motion.checks.stamp_checks import stamp_doubts
 from slosh_motion.checks.table_checks import InputDoubt
 from slosh_motion.errors import SloshMotionError
-from slosh_motion.inputs.fixed_frames import FixedFrames
+from slosh_motion.inputs.frames import FixedFrames, TimedPose, Transform
 from slosh_motion.inputs.inputs import (
     ACCEL,
     BY_POSE,
@@ -35,9 +35,12 @@ from slosh_motion.inputs.inputs import (
     WantedInput,
 )
 from slosh_motion.inputs.joint_poses import JointPoses
-from slosh_motion.inputs.placed_accel import PlacedAccel, PlacedAcceleration
-from slosh_motion.inputs.timed_pose import TimedPose
-from slosh_motion.inputs.transform_poses import POSED, Transform, TransformPoses
+from slosh_motion.inputs.transform_poses import (
+    POSED,
+    PlacedAccel,
+    PlacedAcceleration,
+    TransformPoses,
+)
 from slosh_motion.recorded.inputs import (
     LACKING,
     LOGGED,
@@ -48,9 +51,8 @@ from slosh_motion.recorded.inputs import (
     stamps_of,
     twist_of,
 )
-from slosh_motion.recorded.settings import first
+from slosh_motion.recorded.settings import NOT_TAKEN, TakenInputs, first
 from slosh_motion.recorded.sources import Sources
-from slosh_motion.recorded.taken_inputs import NOT_TAKEN, TakenInputs
 from slosh_msgs_py import topics
 
 Columns = Mapping[str, NDArray[Any]]

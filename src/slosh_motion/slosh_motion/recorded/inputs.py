@@ -15,15 +15,13 @@ from slosh_model.model import TILT, Model
 from slosh_model.tilt import added_text, ignored_text, largest_tilt
 from slosh_motion.checks.input_faults import MIXED_INPUT
 from slosh_motion.checks.table_checks import InputDoubt
-from slosh_motion.inputs.accel_input import AccelInput
 from slosh_motion.inputs.gate import DROPPED, GateSettings, SampleVerdict
-from slosh_motion.inputs.imu_input import ImuInput
 from slosh_motion.inputs.inputs import POSE, POSES, ROBOT, InputSettings
-from slosh_motion.inputs.sample import Samples
-from slosh_motion.inputs.sampling import Modes, gap_sentence, modes_of
+from slosh_motion.inputs.sampling import Modes, Samples, gap_sentence, modes_of
+from slosh_motion.inputs.sensor_inputs import AccelInput, ImuInput
 from slosh_motion.inputs.velocity_input import OdometryPoses, Twist, VelocityInput
-from slosh_motion.recorded.facts import TABLE_COLUMNS
 from slosh_motion.recorded.settings import NodeStart, first, model_of, settings_of
+from slosh_motion.recorded.sources import TABLE_COLUMNS
 
 _FIELDS = {
     "accel": ("accel.linear.x", "accel.linear.y", "accel.linear.z"),

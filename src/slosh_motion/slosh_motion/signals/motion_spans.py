@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_base.types import Array, Integers
-from slosh_motion.checks.constancy import BIN_NS, Vector
-from slosh_motion.checks.constant_finder import ConstantFinder
+from slosh_motion.checks.constancy import BIN_NS, ConstantFinder, Vector
 from slosh_motion.tuning import TUNING
 
 MOVING = TUNING.moving

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from slosh_base.files.errors import SloshFileError
-from slosh_motion.tables.options import TableOptions
-from slosh_motion.tables.units import is_unit
+from slosh_motion.tables.columns import TableOptions, is_unit
 
 COMMENTS: Final = ("#", "%", "//")
 UNKNOWN: Final = frozenset({"", "nan", "na", "n/a", "#n/a", "#na", "null", "none", "<na>", "-nan"})

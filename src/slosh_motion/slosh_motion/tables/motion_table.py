@@ -29,7 +29,7 @@ from slosh_base.files.errors import SloshFileError
 from slosh_base.types import Array
 from slosh_model import for_notebooks
 from slosh_model.simulate import Inputs
-from slosh_motion.tables.options import FOUND_OUT, TableOptions
+from slosh_motion.tables.columns import FOUND_OUT, TableOptions
 from slosh_motion.tables.reading import TextTable, read_table
 
 if TYPE_CHECKING:

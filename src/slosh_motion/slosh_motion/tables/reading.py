@@ -21,11 +21,19 @@ from slosh_base.files import bounded_text as bounds
 from slosh_base.files.errors import SloshFileError
 from slosh_base.files.file_kind import TEXT, foreign_kind
 from slosh_base.types import Array
+from slosh_motion.tables.columns import (
+    EPOCH_FROM,
+    FOUND_OUT,
+    TIME,
+    TIME_UNITS,
+    Column,
+    TableOptions,
+    assumed_unit,
+    check_step,
+    columns_of,
+    is_index,
+)
 from slosh_motion.tables.form import UNKNOWN, Rows, name_of, read_form
-from slosh_motion.tables.names import TIME, Column, columns_of, is_index
-from slosh_motion.tables.options import FOUND_OUT, TableOptions
-from slosh_motion.tables.units import EPOCH_FROM, assumed_unit, check_step
-from slosh_motion.tables.units import TIME as TIME_UNITS
 
 _THOUSANDS: Final = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 """A number whose comma may be decimal, or part thousands."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from slosh_base.files import new_text
 from slosh_base.files.errors import SloshFileError
-from slosh_motion.tables.options import FOUND_OUT, TableOptions
+from slosh_motion.tables.columns import FOUND_OUT, TableOptions
 from slosh_motion.tables.reading import TextTable, read_table
 from slosh_plan.joints import Arm
 from slosh_plan.planning.time_law import PlannedMotion

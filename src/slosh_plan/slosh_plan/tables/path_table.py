@@ -10,8 +10,8 @@ import numpy as np
 from slosh_base.files import new_text
 from slosh_base.files.errors import SloshFileError
 from slosh_base.types import Array
+from slosh_motion.tables.columns import FOUND_OUT, TableOptions
 from slosh_motion.tables.motion_table import ATTITUDE, CHOOSE, MOTION, POSITION
-from slosh_motion.tables.options import FOUND_OUT, TableOptions
 from slosh_motion.tables.reading import TextTable, read_table
 from slosh_plan.planning.checked import attitudes
 from slosh_plan.planning.path import MOST_POINTS

@@ -10,6 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from slosh_base.files.errors import SloshFileError
+from slosh_motion.tables.columns import FOUND_OUT, TableOptions
 from slosh_motion.tables.motion_table import (
     ANGULAR_VELOCITY,
     ATTITUDE,
@@ -19,7 +20,6 @@ from slosh_motion.tables.motion_table import (
     MSH,
     PROFILE,
 )
-from slosh_motion.tables.options import FOUND_OUT, TableOptions
 from slosh_motion.tables.reading import read_table
 from slosh_plan import Trajectory
 from slosh_plan.consistency import check_consistent

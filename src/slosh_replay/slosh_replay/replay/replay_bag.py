@@ -26,19 +26,20 @@ from slosh_model.model_text import format_model
 from slosh_model.tilt import added_text, attitude_of, ignored_text, with_tilt
 from slosh_motion.inputs.inputs import WINDOWED, InputSettings, WantedInput
 from slosh_motion.recorded import settings
-from slosh_motion.recorded.facts import (
+from slosh_motion.recorded.input_blocks import InputBlocks, by_chunk, reading
+from slosh_motion.recorded.inputs import STAMP, InputReader, stamps_of
+from slosh_motion.recorded.settings import NodeStart, TakenInputs
+from slosh_motion.recorded.sources import (
     TABLE_COLUMNS,
     TABLE_ORIGIN,
+    TRAY,
+    Sources,
     clocks_unrelated,
+    find_sources,
     lost_messages,
     noted_container,
     shared_topics_line,
 )
-from slosh_motion.recorded.input_blocks import InputBlocks, by_chunk, reading
-from slosh_motion.recorded.inputs import STAMP, InputReader, stamps_of
-from slosh_motion.recorded.settings import NodeStart
-from slosh_motion.recorded.sources import TRAY, Sources, find_sources
-from slosh_motion.recorded.taken_inputs import TakenInputs
 from slosh_msgs_py.topics import (
     CALM,
     COMPARISON,

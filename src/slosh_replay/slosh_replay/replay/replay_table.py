@@ -18,7 +18,7 @@ from slosh_model.pose import pose_rows
 from slosh_motion.checks.table_checks import InputDoubt, motion_doubts
 from slosh_motion.inputs.gate import GateSettings
 from slosh_motion.inputs.inputs import InputSettings
-from slosh_motion.inputs.sample import Samples
+from slosh_motion.inputs.sampling import Samples
 from slosh_motion.recorded.inputs import InputReader
 from slosh_motion.tables.motion_table import MotionTable
 from slosh_replay.recording.heights import Measurements

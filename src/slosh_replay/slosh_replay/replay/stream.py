@@ -17,7 +17,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Integers
 from slosh_motion.recorded.inputs import stamps_of
-from slosh_motion.recorded.strays import StrayFilter
+from slosh_motion.recorded.motion import StrayFilter
 from slosh_motion.signals.motion_spans import MotionFinder
 from slosh_msgs_py.topics import COMPARISON, ESTIMATE, TRAY_ESTIMATE
 from slosh_replay.recording.heights import Measurements

@@ -32,7 +32,12 @@ from slosh_base.files.errors import TextFileError
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
 from slosh_motion.inputs.robot import LONGEST
-from slosh_motion.recorded.facts import CLOCKS, CONTAINER_FILL_HEIGHT, CONTAINER_RADIUS, UNRELATED
+from slosh_motion.recorded.sources import (
+    CLOCKS,
+    CONTAINER_FILL_HEIGHT,
+    CONTAINER_RADIUS,
+    UNRELATED,
+)
 from slosh_msgs_py.topics import JOINT_STATES, ROBOT_DESCRIPTION
 
 RADIUS = 0.049

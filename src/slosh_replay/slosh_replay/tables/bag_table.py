@@ -32,10 +32,15 @@ from slosh_bag.reader import BagReader, TopicInfo, messages_of
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
 from slosh_motion.inputs.inputs import IMU, InputSettings, WantedInput
-from slosh_motion.recorded.facts import TABLE_COLUMNS, TABLE_ORIGIN, clocks_unrelated
 from slosh_motion.recorded.input_blocks import InputBlocks, by_chunk, reading
 from slosh_motion.recorded.motion import AttitudeCollector, MotionCollector, RecordedMotion
-from slosh_motion.recorded.sources import Sources, find_sources
+from slosh_motion.recorded.sources import (
+    TABLE_COLUMNS,
+    TABLE_ORIGIN,
+    Sources,
+    clocks_unrelated,
+    find_sources,
+)
 from slosh_motion.tables.motion_table import MSH, MotionTable, Remark, eta_azimuths
 from slosh_replay.recording.heights import HeightCollector, Measurements
 from slosh_replay.tables.table_bag import (

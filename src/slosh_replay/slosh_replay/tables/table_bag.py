@@ -33,10 +33,10 @@ from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
 from slosh_motion.checks.table_checks import InputDoubt, motion_doubts
 from slosh_motion.inputs.inputs import ACCEL, IMU, MESSAGE_TYPES
-from slosh_motion.recorded.facts import TABLE_COLUMNS, TABLE_ORIGIN
 from slosh_motion.recorded.motion import NOT_REPORTED
+from slosh_motion.recorded.sources import TABLE_COLUMNS, TABLE_ORIGIN
+from slosh_motion.tables.columns import FOUND_OUT, TableOptions
 from slosh_motion.tables.motion_table import MotionTable, column_names, read_motion_table
-from slosh_motion.tables.options import FOUND_OUT, TableOptions
 from slosh_msgs_py.topics import NAMESPACE
 
 Stamps = NDArray[np.int64]

@@ -12,6 +12,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
 from slosh_base.types import Array, Integers
 from slosh_motion.checks.table_checks import InputDoubt
+from slosh_motion.inputs.frames import SensorTransform
 from slosh_motion.inputs.inputs import (
     ACCEL,
     IMU,
@@ -23,7 +24,6 @@ from slosh_motion.inputs.inputs import (
     InputSettings,
     WantedInput,
 )
-from slosh_motion.inputs.mounting import SensorTransform
 from slosh_motion.mounting.verdict import MountingVerdict
 from slosh_motion.mounting.watch import MountingWatch
 from slosh_motion.recorded.input_blocks import InputBlocks, by_chunk, reading
