@@ -18,9 +18,9 @@ from measuring import parsed
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.observer.observer import Observer
 from slosh_estimator.observer.states import WallHeights
-from slosh_estimator.sample import Sample
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
+from slosh_motion.inputs.sampling import Sample
 
 GOAL = 3.0
 COUNT, IMAGE_EVERY, LATE, MS = 8000, 17, 20, 1_000_000

@@ -44,10 +44,10 @@ from slosh_base.compiled.compile_cache import sources_digest
 from slosh_estimator import SOURCES
 from slosh_estimator.estimator import Estimates, Estimator
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_estimator.sample import Samples
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.shapes.cylinder import Cylinder
+from slosh_motion.inputs.sampling import Samples
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.replay import ReplayResult, replay_bag
 from slosh_replay.replay.monitor_feed import MonitoredHeights, MonitorFeed

@@ -16,10 +16,10 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
 from slosh_bringup.processes import config_folder
 from slosh_bringup.watch.recording import RecordedFrames
+from slosh_motion.tables.motion_table import MotionTable, write_motion_table
 from slosh_msgs.msg import SloshEstimate
 from slosh_replay.in_force import in_force, last_starts
 from slosh_replay.recorded_run import RecordedRun
-from slosh_tables.motion_table import MotionTable, write_motion_table
 from slosh_testing.journaled import replayed_by_journal
 from slosh_testing.live_processes import live_process, recorded, robot
 

@@ -45,7 +45,7 @@ UPWARDS = {
         "slosh_bag.reader",
     ),
     "A replay is above what a recording holds": (
-        "slosh_replay/recording/facts.py",
+        "slosh_replay/recording/heights.py",
         "slosh_replay.replay",
     ),
     "The command line is above all, a live run above replay and nodes": (

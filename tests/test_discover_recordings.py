@@ -16,9 +16,9 @@ from slosh_discovery.discovering import recorded_model
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
-from slosh_replay.recording.motion import RecordedMotion
-from slosh_replay.recording.settings import model_of
-from slosh_replay.recording.sources import find_sources
+from slosh_motion.recorded.motion import RecordedMotion
+from slosh_motion.recorded.settings import model_of
+from slosh_motion.recorded.sources import find_sources
 from slosh_replay.tables.antisloshing import find_runs, import_run
 
 REPOSITORY = Path(__file__).resolve().parent.parent

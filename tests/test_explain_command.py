@@ -19,10 +19,10 @@ from slosh_discovery.identification_report import text as identified
 from slosh_estimator.validity import EstimateFlag
 from slosh_fleet.validation import sections
 from slosh_model.effects.registry import EFFECTS
+from slosh_motion.tables.motion_table import ANGULAR_VELOCITY, ATTITUDE, MOTION
 from slosh_plan.tables.path_table import PLACES
 from slosh_plan.validity import MotionFlag
 from slosh_report.page.units import UNITS
-from slosh_tables.motion_table import ANGULAR_VELOCITY, ATTITUDE, MOTION
 
 
 def explained(name, capsys):

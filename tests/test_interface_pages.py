@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from slosh_estimator.inputs import MESSAGE_TYPES
+from slosh_motion.inputs.inputs import MESSAGE_TYPES
 from slosh_msgs.msg import FreeSurface, SloshEstimate
 
 ROOT = Path(__file__).resolve().parent.parent

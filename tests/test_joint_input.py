@@ -12,9 +12,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
-from slosh_estimator.robot import available
 from slosh_model.model_text import parse_model
 from slosh_model.simulate import Inputs, simulate
+from slosh_motion.inputs.robot import available
 from slosh_msgs.msg import SloshEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds, to_time

@@ -12,16 +12,18 @@ import pytest
 import rclpy
 from geometry_msgs.msg import AccelStamped, WrenchStamped
 from rclpy.serialization import deserialize_message, serialize_message
+from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bag.nodes.recorder_node import RecorderNode
 from slosh_bag.reader import BagMessage, BagReader
+from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.nodes.estimator_node import EstimatorNode
 from slosh_estimator.nodes.monitor_node import MonitorNode
 from slosh_estimator.nodes.sensor_node import SensorNode
-from slosh_msgs.msg import FreeSurface, Journal, NodeSettings, SloshEstimate
+from slosh_msgs.msg import FreeSurface, Journal, NodeSettings, SloshComparison, SloshEstimate
 from slosh_msgs_py import topics
 from slosh_msgs_py.conversions import filled
 from slosh_msgs_py.stamps import to_time
@@ -145,6 +147,45 @@ def test_each_process_gives_the_same_again(bag: Path) -> None:
         topics.SENSED_SURFACE,
     ):  # fmt: skip
         assert found.verified[name].exact, found.verified[name].lines()
+
+
+def test_a_monitor_on_simulated_time_gives_the_same_again(tmp_path: Path, domain: int) -> None:
+    """The clock begins late, at another time than the steady one, and runs as fast as it can."""
+    rclpy.init()
+    graph = Graph("robot", CELL)
+    try:
+        recorder = graph.with_parameters(RecorderNode, CELL, output=str(tmp_path / "bag"))
+        graph.with_parameters(MonitorNode, CELL, timeout=0.2, use_sim_time=True)
+        heard = graph.listen(SloshComparison, topics.COMPARISON)
+        graph.until(lambda: len(heard) > 2, "comparisons before the clock")
+        clock = graph.publisher(Clock, "/clock")
+        estimates = graph.publisher(SloshEstimate, topics.ESTIMATE)
+        surfaces = graph.publisher(FreeSurface, topics.FREE_SURFACE)
+        graph.until(lambda: estimates.get_subscription_count() >= 2, "recorder and monitor")
+        graph.until(lambda: surfaces.get_subscription_count() >= 2, "recorder and monitor")
+        before = len(heard)
+        for k in range(COUNT):
+            now = to_time(5 * SECOND + k * STEP_NS)
+            clock.publish(Clock(clock=now))
+            estimate = SloshEstimate()
+            estimate.header.stamp, estimate.nonlinear.msh = now, 3e-3
+            estimates.publish(estimate)
+            if k % 5 == 0 and k < COUNT // 2:  # later it is blind
+                seen = filled(
+                    FreeSurface, frame_id="container", msh=2e-3, msh_stddev=1e-3, flags=0
+                )
+                seen.header.stamp = now
+                surfaces.publish(seen)
+            graph.executor.spin_once(timeout_sec=0.001)
+        graph.until(lambda: len(heard) >= before + COUNT // 10, "comparisons")
+        _drain(graph)
+        recorder.close()
+    finally:
+        graph.close()
+        rclpy.shutdown()
+    compared = replay_journals(tmp_path / "bag").verified[topics.COMPARISON]
+    assert compared.exact, compared.lines()
+    assert compared.recorded > COUNT // 10
 
 
 def test_a_message_that_was_not_recorded_is_named_and_ends_the_comparison_until_a_state(

@@ -11,7 +11,7 @@ import pytest
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bringup.cli.main import main
-from slosh_estimator.robot import available
+from slosh_motion.inputs.robot import available
 from slosh_testing.joint_driver import (
     JOINTS,
     RAIL_URDF,

@@ -8,13 +8,13 @@ import pytest
 from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.cli.main import main
 from slosh_estimator.estimator import Estimator
-from slosh_estimator.sample import Sample
 from slosh_model.containers import _SHAPES
 from slosh_model.model_text import format_model, parse_model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
+from slosh_motion import MotionTable, write_motion_table
+from slosh_motion.inputs.sampling import Sample
 from slosh_replay.replay import replay_table
-from slosh_tables import MotionTable, write_motion_table
 
 TEXT = "container: {shape: tub, diameter: 0.1, fill_height: 0.07}\n"
 T = np.arange(0.0, 3.0, 0.004)

@@ -23,7 +23,7 @@ from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.cli.main import all_commands, main
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
-from slosh_tables.motion_table import MotionTable, write_motion_table
+from slosh_motion.tables.motion_table import MotionTable, write_motion_table
 from slosh_testing.board_scene import chessboard_pictures
 from slosh_testing.small_disk import small_disk
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from slosh_estimator.estimator import Estimator
-from slosh_estimator.gate import GateSettings
-from slosh_estimator.inputs import InputSettings
-from slosh_estimator.sampling import modes_of
 from slosh_estimator.validity import EstimateFlag
+from slosh_motion.inputs.gate import GateSettings
+from slosh_motion.inputs.inputs import InputSettings
+from slosh_motion.inputs.sampling import modes_of
 from slosh_testing.random_moves import (
     LEVEL,
     MODEL,

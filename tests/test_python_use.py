@@ -13,8 +13,8 @@ import pytest
 
 from slosh_discovery.discover import MeasuredMotion, discover
 from slosh_model import Cylinder, Inputs, Model, predicted_heights, simulate
+from slosh_motion import MotionTable, read_motion_table, write_motion_table
 from slosh_replay import replay_bag
-from slosh_tables import MotionTable, read_motion_table, write_motion_table
 
 mpl.use("Agg")
 ROOT = Path(__file__).resolve().parent.parent

@@ -134,6 +134,20 @@ def test_a_manifest_that_was_written_passes_and_then_sees_every_change(
     assert replay(capsys, bags, "--check", "--model", changed_model)[0] == 1
 
 
+def test_a_failure_that_is_shown_ends_with_1_and_another_model_is_not_judged(
+    bags, capsys, changed_model
+):
+    assert replay(capsys, bags, "--write-manifest")[0] == 0
+    code, out, _ = replay(capsys, bags, "--model", changed_model)
+    assert (code, "FAILED" in out) == (0, False)
+    manifest = bags / "manifest.yaml"
+    stated = yaml.safe_load(manifest.read_text())
+    stated["bags"]["b"]["drops"] = 5
+    manifest.write_text(yaml.safe_dump(stated))
+    code, out, _ = replay(capsys, bags)
+    assert (code, table(out)["b"][-1]) == (1, "FAILED")
+
+
 def test_a_model_of_the_manifest_is_replayed_with_and_kept(bags, capsys, changed_model):
     code, _, _ = replay(capsys, bags / "a", "--write-manifest", "--model", changed_model)
     assert code == 0
@@ -163,7 +177,7 @@ def test_a_bag_that_lacks_and_one_that_is_not_named_fail(bags, capsys):
         "slosh replay: d: the manifest does not list this bag",
         "2 of 4 bags as expected",
     ]
-    assert replay(capsys, bags)[0] == 0  # nothing is to be checked
+    assert replay(capsys, bags)[0] == 1  # what is shown as failed
     code, _, _ = replay(capsys, bags, "--write-manifest")
     assert code == 1
     stated = yaml.safe_load((bags / "manifest.yaml").read_text())["bags"]
@@ -174,7 +188,7 @@ def test_a_broken_bag_does_not_stop_the_others(bags, capsys):
     (file,) = (bags / "b").glob("*.mcap")
     file.write_bytes(b"no bag")
     code, out, errors = replay(capsys, bags, "-o", bags.parent / "out")
-    assert code == 0
+    assert code == 1
     assert errors == [
         f"slosh replay: {file}: not an MCAP file: it is a text file; choose the bag itself"
     ]

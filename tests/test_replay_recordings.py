@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
-from slosh_estimator.inputs import InputSettings
 from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_motion.inputs.inputs import InputSettings
+from slosh_motion.recorded.input_blocks import InputBlocks
+from slosh_motion.recorded.sources import find_sources
 from slosh_replay.recording.heights import measurements
-from slosh_replay.recording.input_blocks import InputBlocks
-from slosh_replay.recording.sources import find_sources
 from slosh_replay.replay import replay_bag
 from slosh_replay.replay.checking import RECORDED, check_result, excesses
 from slosh_replay.replay.replay_bag import feed

@@ -14,14 +14,14 @@ from slosh_bag.definitions import Definitions
 from slosh_bag.reader import BagReader
 from slosh_bringup.cli.main import main
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_estimator.robot import available
 from slosh_estimator.validity import settling_seconds
 from slosh_model.model_text import parse_model
 from slosh_model.simulate import Inputs, simulate
-from slosh_replay.recording.sources import find_sources
+from slosh_motion.inputs.robot import available
+from slosh_motion.recorded.sources import find_sources
+from slosh_motion.tables.motion_table import read_motion_table
 from slosh_replay.replay import replay_bag
 from slosh_replay.split import split_bag
-from slosh_tables.motion_table import read_motion_table
 from slosh_testing.joint_driver import (
     JOINTS,
     RAIL_URDF,

@@ -11,7 +11,7 @@ import rclpy
 from sensor_msgs.msg import Imu, JointState
 
 from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
-from slosh_estimator.robot import available
+from slosh_motion.inputs.robot import available
 from slosh_msgs.msg import SloshEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_time

@@ -13,9 +13,9 @@ from slosh_bag.nodes.recorder_node import RecorderNode
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.nodes.estimator_node import EstimatorNode
 from slosh_estimator.nodes.monitor_node import MonitorNode
-from slosh_estimator.sample import Sample
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.model_text import parse_model
+from slosh_motion.inputs.sampling import Sample
 from slosh_msgs.msg import LimitEvent, SloshEstimate
 from slosh_msgs.srv import ChangeContainer
 from slosh_msgs_py import qos, topics

@@ -24,8 +24,9 @@ PYTHON = [package for package in PACKAGES if (package / "setup.py").exists()]
 CHANGELOG = (ROOT / "CHANGELOG.md").read_text()
 LOCKS = ("ros", "runtime", "development")
 ORDER = (
-    "slosh_base", "slosh_msgs", "slosh_msgs_py", "slosh_model", "slosh_metrics", "slosh_tables",
-    "slosh_camera", "slosh_report", "slosh_bag", "slosh_estimator", "slosh_plan", "slosh_replay",
+    "slosh_base", "slosh_msgs", "slosh_msgs_py", "slosh_model",
+    "slosh_camera", "slosh_report", "slosh_bag", "slosh_motion", "slosh_estimator", "slosh_plan",
+    "slosh_replay",
     "slosh_discovery", "slosh_bringup", "slosh", "slosh_fleet", "slosh_governor",
     "slosh_machines", "slosh_plc", "slosh_shapes", "slosh_testing",
 )  # fmt: skip

@@ -23,8 +23,8 @@ from slosh_camera.errors import SloshCameraError
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_model.errors import SloshModelError
 from slosh_model.model_text import read_model
+from slosh_motion.recorded.settings import node_start
 from slosh_replay.manifest import read_manifest
-from slosh_replay.recording.settings import node_start
 
 BAGS = Path(__file__).resolve().parent.parent / "bags"
 CELL = """\

@@ -24,10 +24,10 @@ from result_tables import fill
 from slosh_bringup.cell.motions import MOTIONS
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
+from slosh_motion.tables.motion_table import read_motion_table
 from slosh_replay.replay import replay_bag, replay_table
 from slosh_replay.replay.result import Judged, ModelAccuracy
 from slosh_replay.tables.antisloshing import import_antisloshing
-from slosh_tables.motion_table import read_motion_table
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "results" / "accuracy.md"

@@ -32,7 +32,6 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     install_requires=["setuptools", "numba", "numpy>=1.26"],
-    extras_require={"joints": ["pin"]},
     zip_safe=False,
     maintainer="Slosh Monitor maintainers",
     maintainer_email="slosh-monitor@users.noreply.github.com",

@@ -34,9 +34,9 @@ def step(folder: Path) -> None:
 def live(folder: Path) -> None:
     """Runs what the estimator node computes before its first message."""
     from slosh_estimator.estimator import Estimator
-    from slosh_estimator.sample import Sample
     from slosh_model.model import Model
     from slosh_model.shapes.cylinder import Cylinder
+    from slosh_motion.inputs.sampling import Sample
 
     estimator = Estimator(Model(Cylinder(0.05, 0.07)))
     estimator.update(Sample(0, 0.0, 0.0, 0.0, 0.0, True))
@@ -108,11 +108,11 @@ def _digests(name: str, strengths: Mapping[str, Mapping[str, float]]) -> dict[st
     from example_effects import in_fitting_container
 
     from slosh_estimator.estimator import Estimator
-    from slosh_estimator.sample import Sample, Samples
     from slosh_model.measure import measured_heights
     from slosh_model.model import Model
     from slosh_model.shapes.cylinder import Cylinder
     from slosh_model.simulate import Inputs, simulate
+    from slosh_motion.inputs.sampling import Sample, Samples
 
     cup = Model(Cylinder(0.05, 0.07), damping_ratio=0.02)
     model = in_fitting_container(cup, name).with_effect(name, **strengths[name])

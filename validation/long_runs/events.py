@@ -30,10 +30,10 @@ from slosh_bag.errors import SloshBagError
 from slosh_base.files import new_folder
 from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
 from slosh_bringup.replay.by_journal import checked_by_journal
+from slosh_motion.recorded.sources import lost_messages
 from slosh_msgs.msg import SloshComparison
 from slosh_msgs_py.node.domain import own_domain
 from slosh_replay.recorded_run import RecordedRun
-from slosh_replay.recording.facts import lost_messages
 from slosh_replay.replay import replay_bag
 from slosh_testing.robot import RobotNode, nodes_and_robot, swing
 from validation.long_runs.long_cell import resident

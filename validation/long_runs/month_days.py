@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slosh_tables.motion_table import MotionTable, write_motion_table
+from slosh_motion.tables.motion_table import MotionTable, write_motion_table
 
 LEAD = 2.0
 """Rest before a day's first motion [s]."""

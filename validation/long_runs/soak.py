@@ -35,13 +35,13 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
 from slosh_bringup.processes import node_environment
 from slosh_bringup.replay.by_journal import checked_by_journal
+from slosh_motion.recorded.sources import mixed_topics
 from slosh_msgs.msg import FreeSurface, PredictionOutcome, SloshComparison
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.domain import own_domain
 from slosh_msgs_py.stamps import to_time
 from slosh_replay.recorded_run import RecordedRun
-from slosh_replay.recording.facts import mixed_topics
 from slosh_replay.replay import replay_bag
 from slosh_testing.live_processes import nodes_of
 from validation.long_runs.long_cell import long_cell, sizes

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slosh_metrics.motion_spans import MotionFinder
-from slosh_tables.motion_table import read_motion_table
+from slosh_motion.signals.motion_spans import MotionFinder
+from slosh_motion.tables.motion_table import read_motion_table
 from validation.long_runs import month_audit as audit
 from validation.long_runs.month_audit import Fate, Outage, Row, Shift
 from validation.long_runs.month_clients import BAD, GONE, GOOD, Clients, Seen

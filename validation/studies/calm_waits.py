@@ -26,8 +26,8 @@ from observer_accuracy import CUP, STEP, Case, drawn, seen, stamp_of, write_tabl
 from slosh_base.types import Array
 from slosh_estimator.observer.calm import CalmWatch
 from slosh_estimator.observer.observer import Observer
-from slosh_estimator.sample import Sample
 from slosh_model.simulate import Inputs, simulate
+from slosh_motion.inputs.sampling import Sample
 
 TOLERANCE, LENGTH, BEGIN = 1e-3, 150.0, 0.5
 FREQUENCY, DAMPING, ALPHA = (0.98, 1.02), (0.5, 2.0), (0.45, 0.7)

@@ -23,13 +23,12 @@ from result_tables import fill
 
 from slosh_base.types import Array
 from slosh_estimator.estimator import Estimator
-from slosh_estimator.gate import GateSettings
-from slosh_estimator.inputs import InputSettings
-from slosh_estimator.joint_poses import JointPoses
-from slosh_estimator.pose_input import PoseInput
-from slosh_estimator.sample import Sample, Samples
-from slosh_estimator.sampling import modes_of
-from slosh_estimator.velocity_input import Twist, VelocityInput
+from slosh_motion.inputs.gate import GateSettings
+from slosh_motion.inputs.inputs import InputSettings
+from slosh_motion.inputs.joint_poses import JointPoses
+from slosh_motion.inputs.pose_input import PoseInput
+from slosh_motion.inputs.sampling import Sample, Samples, modes_of
+from slosh_motion.inputs.velocity_input import Twist, VelocityInput
 from slosh_testing.joint_driver import FORE, JOINTS, RAIL_URDF, UPPER, cup_position, quaternion
 from slosh_testing.random_moves import AFTER, MODEL, moves
 

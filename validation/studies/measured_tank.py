@@ -27,12 +27,12 @@ from scipy.optimize import least_squares
 from slosh_discovery.discover import discover
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.identify import identify
-from slosh_metrics.metrics import rms_error
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.simulate import Inputs
+from slosh_motion.signals.metrics import rms_error
 from slosh_testing.multimodal import Tanks, simulate_tanks
 
 Array = NDArray[np.float64]

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from slosh_estimator.inputs import InputSettings
-from slosh_estimator.sampling import modes_of
-from slosh_estimator.transform_poses import Transform
-from slosh_estimator.velocity_input import Twist
-from slosh_metrics.input_checks.stamp_checks import stamp_doubts
 from slosh_model.model import Model
+from slosh_motion.checks.stamp_checks import stamp_doubts
+from slosh_motion.inputs.frames import Transform
+from slosh_motion.inputs.inputs import InputSettings
+from slosh_motion.inputs.sampling import modes_of
+from slosh_motion.inputs.velocity_input import Twist
 
 BEGIN = 1_700_000_000_000_000_000
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)

@@ -26,14 +26,14 @@ from result_tables import fill
 from scipy.spatial.transform import Rotation
 
 from slosh_base.types import Array
-from slosh_estimator.gate import GateSettings
-from slosh_estimator.imu_input import ImuInput
-from slosh_estimator.inputs import InputSettings
-from slosh_estimator.pose_input import PoseInput
-from slosh_estimator.sample import Sample
-from slosh_metrics.mounting.rotations import axis_rotations, rotation_vector
-from slosh_metrics.mounting.verdict import Expected, MountingVerdict
-from slosh_metrics.mounting.watch import MountingWatch
+from slosh_motion.inputs.gate import GateSettings
+from slosh_motion.inputs.inputs import InputSettings
+from slosh_motion.inputs.pose_input import PoseInput
+from slosh_motion.inputs.sampling import Sample
+from slosh_motion.inputs.sensor_inputs import ImuInput
+from slosh_motion.mounting.columns import axis_rotations, rotation_vector
+from slosh_motion.mounting.verdict import Expected, MountingVerdict
+from slosh_motion.mounting.watch import MountingWatch
 
 PAGE = ROOT / "docs" / "input_checks.md"
 UNITS = {"m/s²": 1.0, "g": 1.0 / 9.81, "mm/s²": 1000.0}

@@ -29,11 +29,11 @@ from slosh_base.types import Array
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.observer.observer import Observer
 from slosh_estimator.observer.states import WallHeights
-from slosh_estimator.sample import Sample
 from slosh_estimator.tuning import TUNING
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, State, simulate
+from slosh_motion.inputs.sampling import Sample
 
 CUP = Model(Cylinder(0.05, 0.07)).with_effect("vertical_acceleration").nonlinear()
 STEP, LENGTH, START_NS = 0.002, 10.0, 1_000_000_000

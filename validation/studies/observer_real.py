@@ -37,12 +37,12 @@ from slosh_discovery.discover.problem import prepare
 from slosh_estimator.observer.calm import CalmWatch
 from slosh_estimator.observer.observer import Observer
 from slosh_estimator.observer.states import FusedState, Outcome, WallHeights
-from slosh_estimator.sample import Sample
 from slosh_estimator.tuning import TUNING
-from slosh_metrics.alignment import despike, find_still_level
 from slosh_model.kernel import UPRIGHT
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
+from slosh_motion.inputs.sampling import Sample
+from slosh_motion.signals.alignment import despike, find_still_level
 from slosh_replay.tables.antisloshing import read_heights
 
 TUNED = (*UNTILTED_FIT, *TILTED_FIT)

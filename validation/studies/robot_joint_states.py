@@ -26,11 +26,11 @@ from scipy.interpolate import CubicSpline
 
 from slosh_base.types import Array
 from slosh_estimator.estimator import Estimator
-from slosh_estimator.inputs import JOINTS, InputSettings
-from slosh_estimator.joint_poses import JointPoses
-from slosh_estimator.pose_input import PoseInput
-from slosh_estimator.sampling import modes_of
 from slosh_model.simulate import simulate
+from slosh_motion.inputs.inputs import JOINTS, InputSettings
+from slosh_motion.inputs.joint_poses import JointPoses
+from slosh_motion.inputs.pose_input import PoseInput
+from slosh_motion.inputs.sampling import modes_of
 from slosh_plan.joints import Arm
 
 BEGIN = 10**18

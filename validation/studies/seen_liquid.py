@@ -13,9 +13,9 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
 from slosh_estimator.observer.observer import Observer
 from slosh_estimator.observer.states import WallHeights
-from slosh_estimator.sample import Sample
 from slosh_governor.core import SeenLiquid
 from slosh_model import Model
+from slosh_motion.inputs.sampling import Sample
 
 EVERY, PHASE = 0.005, 0.3
 """Time [s] and phase of the first mode [rad] between two samples of the accelerometer, at most."""

@@ -22,8 +22,8 @@ from input_accuracy import Motion, Sampled, motion, settings
 
 from slosh_base.types import Array
 from slosh_estimator.estimator import Estimator
-from slosh_estimator.pose_input import PoseInput
-from slosh_estimator.sample import Sample, Samples
+from slosh_motion.inputs.pose_input import PoseInput
+from slosh_motion.inputs.sampling import Sample, Samples
 from slosh_testing.joint_driver import cup_position, quaternion
 from slosh_testing.random_moves import MODEL
 

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from slosh_estimator.inputs import WantedInput
-from slosh_estimator.robot import available
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
+from slosh_motion.inputs.inputs import WantedInput
+from slosh_motion.inputs.robot import available
+from slosh_motion.tables.motion_table import read_motion_table
 from slosh_plan.joints import Arm
 from slosh_replay.replay import replay_bag, replay_table
 from slosh_replay.tables.antisloshing import (
@@ -20,7 +21,6 @@ from slosh_replay.tables.antisloshing import (
     read_joints,
     read_poses,
 )
-from slosh_tables.motion_table import read_motion_table
 from slosh_testing.robot_runs import RUNS, write_runs
 
 REPOSITORY = Path(__file__).resolve().parents[2]

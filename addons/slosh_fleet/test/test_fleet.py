@@ -435,7 +435,7 @@ def test_a_container_is_one_trend_before_and_after_an_upgrade():
     from slosh_model import format_model
     from slosh_model.model import Model
     from slosh_model.shapes.cylinder import Cylinder
-    from slosh_replay.recording.settings import NodeStart
+    from slosh_motion.recorded.settings import NodeStart
 
     text = format_model(Model(Cylinder(0.05, 0.07)))
     line = f"version: {MODEL.current}\n"

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slosh_estimator.robot import available
 from slosh_governor.core import Command, GovernedArm, Governor, GovernorState, StopReason
 from slosh_governor.core.robot_arm import with_defaults
 from slosh_model import Cylinder, Inputs, Model, simulate
+from slosh_motion.inputs.robot import available
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.joints import Arm
 from slosh_plan.planning.joint_limits import GivenLimits

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slosh_estimator.robot import available
 from slosh_governor.core import (
     Command,
     GovernedArm,
@@ -23,6 +22,7 @@ from slosh_governor.core.parameters import joint_command
 from slosh_governor.core.robot_arm import with_defaults
 from slosh_model import Cylinder, Model, simulate
 from slosh_model.tray import Tray, TrayContainer
+from slosh_motion.inputs.robot import available
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.joints import Arm
 from slosh_plan.planning.joint_limits import GivenLimits, limits_of

@@ -15,10 +15,10 @@ from std_msgs.msg import String
 from slosh_bringup.processes import config_folder
 from slosh_governor.nodes.governed_cell_node import GovernedCellNode
 from slosh_governor.nodes.governor_node import GovernorNode
+from slosh_motion.tables.motion_table import MotionTable, write_motion_table
 from slosh_msgs.msg import FreeSurface, GovernedMotion, SloshEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds
-from slosh_tables.motion_table import MotionTable, write_motion_table
 
 PATIENCE, LIMIT, RATE, STEPS = 40.0, 0.006, 250.0, 50.0
 KINDS = {

@@ -16,8 +16,8 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from slosh_estimator.robot import available
 from slosh_governor.nodes.governor_node import GovernorNode
+from slosh_motion.inputs.robot import available
 from slosh_msgs.msg import GovernedMotion
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import WARN

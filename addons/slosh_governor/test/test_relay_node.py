@@ -19,9 +19,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.nodes import input_subscription
-from slosh_estimator.robot import available
 from slosh_governor.nodes.relay_node import THREADS, RelayNode
 from slosh_model.model_text import parse_model
+from slosh_motion.inputs.robot import available
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_duration, to_nanoseconds, to_time
 from slosh_plan import predict

@@ -19,8 +19,8 @@ from slosh_discovery.discover_data import read_motions
 from slosh_model.model import Model
 from slosh_model.model_text import read_model
 from slosh_model.simulate import Inputs
+from slosh_motion.tables.motion_table import MotionTable, write_motion_table
 from slosh_plan.trajectory import Trajectory
-from slosh_tables.motion_table import MotionTable, write_motion_table
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -14,7 +14,7 @@ from slosh_model.containers import Container
 from slosh_model.for_notebooks import height_axes, needed
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
-from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
+from slosh_motion.tables.motion_table import MotionTable, read_motion_table, write_motion_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

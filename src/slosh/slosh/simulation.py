@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, overload
 import numpy as np
 
 from slosh.arguments import as_file, the_model
-from slosh_bringup.simulate.answer import check_possible, doubts
+from slosh_bringup.simulate.answer import doubts
 from slosh_model.gaps import gap_text
 from slosh_model.model import Model
 from slosh_model.response import Response
 from slosh_model.simulate import Inputs
 from slosh_model.simulate import simulate as simulate_inputs
 from slosh_model.tilt import with_tilt
+from slosh_motion.tables.motion_table import read_motion_table
 from slosh_plan.doubts import path_doubts, trajectory_doubts
 from slosh_plan.limits import HeightLimits
 from slosh_plan.planning.limits import ACCELERATION, JERK, RESIDUAL, PlanLimits
@@ -30,7 +31,6 @@ from slosh_plan.prediction import predict as predict_trajectories
 from slosh_plan.tables.path_table import read_path_table
 from slosh_plan.tables.trajectory_table import read_trajectory
 from slosh_plan.trajectory import Trajectory
-from slosh_tables.motion_table import read_motion_table
 
 if TYPE_CHECKING:
     from slosh.arguments import ModelLike, MotionLike, PathLike, Several
@@ -59,7 +59,6 @@ def simulate(model: ModelLike, motion: MotionLike) -> Response:
         return simulate_inputs(with_tilt(used, motion.attitude), motion)[0]
     with as_file(motion, "motion") as path:
         table = read_motion_table(path)
-        check_possible(path, table)
     inputs = table.inputs()
     _warn("motion", (*doubts(used, table), *filter(None, [gap_text(table.t, used)])))
     return simulate_inputs(with_tilt(used, inputs.attitude), inputs)[0]

@@ -20,8 +20,8 @@ from slosh_bag.playing.playback import PlaybackSettings
 from slosh_bag.reader import BagReader
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.nodes.estimator_node import EstimatorNode
-from slosh_estimator.sample import Sample
 from slosh_model.model_text import read_model
+from slosh_motion.inputs.sampling import Sample
 from slosh_msgs.msg import LimitEvent, SloshEstimate
 from slosh_msgs_py import qos
 from slosh_msgs_py.stamps import to_nanoseconds, to_time

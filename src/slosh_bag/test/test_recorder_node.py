@@ -20,11 +20,11 @@ from std_msgs.msg import Header
 from slosh_bag.nodes.recorder_node import RecorderNode
 from slosh_bag.nodes.topic_input import Received
 from slosh_bag.reader import BagReader
+from slosh_motion.recorded.sources import shared_topics_line
 from slosh_msgs.msg import FreeSurface, LimitEvent, NodeSettings, SloshEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import WARN
 from slosh_msgs_py.node.readiness import RECORDED
-from slosh_replay.recording.facts import shared_topics_line
 from slosh_testing.hearing_robot import Graph
 
 DATA = serialize_message(FreeSurface())

@@ -9,12 +9,12 @@ from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
+from slosh_motion.recorded.settings import NodeStart
+from slosh_motion.tables.motion_table import MotionTable
 from slosh_replay.in_force import in_force
-from slosh_replay.recording.settings import NodeStart
 from slosh_replay.replay.replay_table import replay_table
 from slosh_replay.replay.report import replay_report, report_start
 from slosh_report.run_report import render_report
-from slosh_tables.motion_table import MotionTable
 
 MODEL = Model(Cylinder(0.05, 0.07), damping_ratio=0.02).spatial().nonlinear()
 

@@ -27,7 +27,7 @@ MODULES = (
     "slosh_camera.detection.learnt",
     "slosh_estimator.estimator",
     "slosh_estimator.observer.observer",
-    "slosh_estimator.pose_input",
+    "slosh_motion.inputs.pose_input",
     "slosh_bag.mcap_files.chunk_scan",
     "slosh_bag.columns.cdr_columns",
     "slosh_discovery.discover",

@@ -27,9 +27,9 @@ from slosh_discovery.discovering import (
 )
 from slosh_discovery.discovery_report import DiscoveryReport
 from slosh_discovery.discovery_report.words import verdict_sentence
-from slosh_metrics.input_checks.table_checks import InputDoubt
+from slosh_motion.checks.table_checks import InputDoubt
+from slosh_motion.tables.motion_table import SUFFIXES, is_motion_table
 from slosh_replay.recorded_run import RecordedRun
-from slosh_tables.motion_table import SUFFIXES, is_motion_table
 
 
 @dataclass(frozen=True, slots=True)

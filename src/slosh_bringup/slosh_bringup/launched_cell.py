@@ -41,8 +41,8 @@ from slosh_bringup.processes import (
 )
 from slosh_bringup.watch import PORT
 from slosh_camera.calibrate.camera_file import read_any_calibration
-from slosh_estimator.inputs import JOINTS
 from slosh_model.tray import read_tray
+from slosh_motion.inputs.inputs import JOINTS
 from slosh_msgs_py.node.dead_ports import DeadPorts
 from slosh_msgs_py.topics import DRIVING
 

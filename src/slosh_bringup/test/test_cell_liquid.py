@@ -13,7 +13,7 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import config_folder
 from slosh_model.constants import GRAVITY
 from slosh_model.model_text import read_model
-from slosh_tables.motion_table import MotionTable, write_motion_table
+from slosh_motion.tables.motion_table import MotionTable, write_motion_table
 
 TRUTH = read_model(config_folder() / "truth.yaml")
 

@@ -19,10 +19,10 @@ from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_camera.images.decoding import decode_compressed
 from slosh_model.constants import GRAVITY
+from slosh_motion.tables.motion_table import MotionTable, write_motion_table
 from slosh_msgs.msg import FreeSurface, SloshEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds
-from slosh_tables.motion_table import MotionTable, write_motion_table
 
 PATIENCE = 30.0
 KINDS = {

@@ -9,7 +9,7 @@ from slosh_bringup.cli.main import main
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.launched_cell import LaunchedCell
 from slosh_bringup.live.cell_setup import read_setup
-from slosh_estimator.robot import available
+from slosh_motion.inputs.robot import available
 
 URDF = Path(__file__).resolve().parents[3] / "examples" / "robot.urdf"
 CUP = ["--diameter", "0.08", "--fill-height", "0.06", "--no-camera"]

@@ -13,11 +13,11 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import AccelStamped
 from rclpy.executors import SingleThreadedExecutor
 
+from slosh_motion.tables.motion_table import MotionTable, write_motion_table
 from slosh_msgs_py import qos
 from slosh_msgs_py.node.diagnostics import OK, DiagnosticsReporter
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.readiness import COMPILING, Readiness
-from slosh_tables.motion_table import MotionTable, write_motion_table
 
 PATIENCE = 30.0
 

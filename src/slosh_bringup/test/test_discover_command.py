@@ -16,7 +16,7 @@ from slosh_bringup.processes import config_folder
 from slosh_discovery.discover.finding import Verdict, WorstMoment
 from slosh_discovery.discovering import recorded_model
 from slosh_model.model_text import parse_model, read_model
-from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
+from slosh_motion.tables.motion_table import MotionTable, read_motion_table, write_motion_table
 from slosh_testing.commands import complaint
 from slosh_testing.example_finding import FOUND, example_finding, example_inputs, example_motion
 from slosh_testing.reports import grey_png

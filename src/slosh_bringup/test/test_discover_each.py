@@ -19,7 +19,7 @@ from slosh_bringup.many_files import KILLED, map_files
 from slosh_bringup.processes import config_folder
 from slosh_discovery.discover.finding import Verdict
 from slosh_discovery.discovering import DiscoveryRequest
-from slosh_tables.motion_table import MotionTable, write_motion_table
+from slosh_motion.tables.motion_table import MotionTable, write_motion_table
 from slosh_testing.commands import complaint
 from slosh_testing.example_finding import example_finding, example_inputs, example_motion
 

@@ -14,8 +14,8 @@ from slosh_model.model_text import format_model, read_model
 from slosh_model.motion_profiles import Cycle
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs
+from slosh_motion.tables.motion_table import MotionTable, read_motion_table, write_motion_table
 from slosh_replay.tables.table_bag import import_table
-from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
 from slosh_testing.commands import complaint
 
 TRUTH = Model(Cylinder(0.03, 0.067), damping_ratio=0.042, natural_frequency=24.0)

@@ -14,7 +14,7 @@ from slosh_bag.definitions import find_interfaces
 from slosh_bag.reader import BagReader
 from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
-from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
+from slosh_motion.tables.motion_table import MotionTable, read_motion_table, write_motion_table
 from slosh_testing.commands import complaint
 
 MODEL = str(config_folder() / "model.yaml")
@@ -148,6 +148,20 @@ def test_what_import_cannot_do_is_one_line(table: Path, bag: Path, tmp_path: Pat
     ):
         assert expected in complaint(capsys, "import", *words)
     assert not (tmp_path / "b").exists()
+
+
+def test_an_impossible_table_is_refused_and_a_doubtful_one_told(tmp_path: Path, capsys):
+    for name, size in (("huge", 1e18), ("millimetres", 2000.0), ("right", 2.0)):
+        rows = [f"{0.01 * k:.2f},{size * np.sin(0.1 * k):.9g},0,0" for k in range(190)]
+        (tmp_path / f"{name}.csv").write_text("\n".join(["t,ax,ay,az", *rows]) + "\n")
+    line = complaint(capsys, "import", "table", tmp_path / "huge.csv", "-o", tmp_path / "b")
+    assert re.search(r"huge\.csv: line 112: an acceleration of 1e\+18 m/s² is not possible", line)
+    assert not (tmp_path / "b").exists()
+    words = ["import", "table", str(tmp_path / "millimetres.csv"), "-o", str(tmp_path / "b")]
+    assert main(words) == 1
+    assert "is it in mm/s²? It must be m/s²" in capsys.readouterr().err
+    run("import", "table", tmp_path / "right.csv", "-o", tmp_path / "b")
+    assert "warning" not in capsys.readouterr().err
 
 
 def ros1_bag(path: Path, table: MotionTable) -> None:

@@ -8,7 +8,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from slosh_bringup.cli.main import main
 from slosh_model.motion_profiles import LAWS
-from slosh_tables.motion_table import read_motion_table
+from slosh_motion.tables.motion_table import read_motion_table
 
 
 def words(output, *more, profile="quintic", speed="30", stroke="0.1"):

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from slosh_bringup.cli.main import main
-from slosh_estimator.robot import available
+from slosh_motion.inputs.robot import available
 from slosh_plan.planning import optimise
 
 BARE = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\n"

@@ -6,9 +6,9 @@ import pytest
 
 from slosh_bringup.cli.main import main
 from slosh_model.model_text import parse_model
+from slosh_motion.tables.motion_table import read_motion_table
 from slosh_plan import Trajectory, predict
 from slosh_plan.planning.tolerance import ERRORS
-from slosh_tables.motion_table import read_motion_table
 
 MODEL = """container: {shape: cylinder, radius: 0.05, fill_height: 0.07}
 liquid: {density: 998.2, kinematic_viscosity: 1.0e-6}

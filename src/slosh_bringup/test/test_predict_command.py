@@ -10,8 +10,8 @@ import pytest
 
 from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
-from slosh_estimator.robot import available
 from slosh_model.motion_profiles import quintic
+from slosh_motion.inputs.robot import available
 
 MODEL = str(config_folder() / "model.yaml")
 

@@ -15,8 +15,8 @@ from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
+from slosh_motion.tables.motion_table import MotionTable
 from slosh_replay.tables.table_bag import write_table_bag
-from slosh_tables.motion_table import MotionTable
 
 MODEL = Model(Cylinder(0.05, 0.07)).spatial()
 

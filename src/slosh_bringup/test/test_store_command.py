@@ -82,4 +82,6 @@ def test_a_quota_is_a_size(runs, capsys):
 
 def test_a_folder_that_is_not_there_is_named(tmp_path, capsys):
     assert main(["store", str(tmp_path / "absent")]) == 2
-    assert "absent: No such file or directory" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "absent: No such file or directory; name the folder of a cell's runs" in said
+    assert "slosh store RUNS" in said

@@ -28,15 +28,15 @@ from slosh_discovery.discovery_report import (
     render_discovery,
 )
 from slosh_discovery.errors import SloshDiscoveryError
-from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.model import Model
 from slosh_model.model_text import format_model, read_model
 from slosh_model.simulate import Inputs
 from slosh_model.tilt import attitude_of, ignored_text, ignored_tilt
-from slosh_replay.recording import settings
-from slosh_replay.recording.sources import CellTopics
-from slosh_tables.motion_table import MotionTable, is_motion_table, write_motion_table
-from slosh_tables.text_table.options import FOUND_OUT, TableOptions
+from slosh_motion.checks.table_checks import InputDoubt
+from slosh_motion.recorded import settings
+from slosh_motion.recorded.sources import CellTopics
+from slosh_motion.tables.columns import FOUND_OUT, TableOptions
+from slosh_motion.tables.motion_table import MotionTable, is_motion_table, write_motion_table
 
 MODEL, DOCUMENT, PAGE = "model.yaml", "discovery.json", "report.html"
 GROUP_MODEL = "model_{}.yaml"

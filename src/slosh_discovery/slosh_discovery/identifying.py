@@ -31,8 +31,8 @@ from slosh_discovery.identify.result import Identification, Strategy
 from slosh_model.model import Model
 from slosh_model.model_text import format_model, read_model
 from slosh_model.parameters import DAMPING, FREQUENCY
-from slosh_tables.motion_table import MotionTable, write_motion_table
-from slosh_tables.text_table.options import FOUND_OUT, TableOptions
+from slosh_motion.tables.columns import FOUND_OUT, TableOptions
+from slosh_motion.tables.motion_table import MotionTable, write_motion_table
 
 MODEL, DOCUMENT, PAGE = "model.yaml", "identification.json", "report.html"
 POINT_MODEL, HELP = "model_{}.yaml", "helps_{}.csv"

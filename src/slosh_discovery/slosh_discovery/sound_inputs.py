@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.errors import SloshDiscoveryError
-from slosh_metrics.input_checks.input_faults import find_input_faults
+from slosh_motion.checks.input_faults import find_input_faults
 
 Motions = tuple[MeasuredMotion, ...]
 

@@ -24,9 +24,9 @@ from slosh_model.constants import GRAVITY
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
-from slosh_replay.recording.motion import RecordedMotion
+from slosh_motion.recorded.motion import RecordedMotion
+from slosh_motion.tables.motion_table import MotionTable, write_motion_table
 from slosh_replay.tables.table_bag import write_table_bag
-from slosh_tables.motion_table import MotionTable, write_motion_table
 from slosh_testing.cell_bag import CellBag
 
 Array = np.ndarray[Any, np.dtype[np.float64]]

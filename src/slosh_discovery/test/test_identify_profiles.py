@@ -12,15 +12,15 @@ from slosh_discovery.errors import SloshDiscoveryError
 from slosh_discovery.identify import identify
 from slosh_discovery.identify.validity import limited, line_limit
 from slosh_estimator.estimator import Estimator
-from slosh_estimator.sample import Samples
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
 from slosh_model.motion_profiles import Cycle
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs
+from slosh_motion.inputs.sampling import Samples
+from slosh_motion.tables.motion_table import MotionTable, read_motion_table, write_motion_table
 from slosh_replay.tables.table_bag import import_table
-from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
 
 CUP = Cylinder(0.03, 0.067)
 BASE = Model(CUP)

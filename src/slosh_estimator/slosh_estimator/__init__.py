@@ -1,4 +1,4 @@
 """Estimates sloshing height from the container's acceleration and compares it with the camera."""
 
-SOURCES = ("slosh_estimator", "slosh_metrics", "slosh_model")
+SOURCES = ("slosh_estimator", "slosh_motion", "slosh_model")
 """Packages whose code decides an estimate: a recording holds their digest."""

@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
 from slosh_estimator.azimuth import WaveOffset, wave_offset
-from slosh_estimator.rotation import Vector
 from slosh_estimator.tuning import TUNING
 from slosh_estimator.wave_presence import Pair, PresenceWatch
-from slosh_metrics.alignment import despike
-from slosh_metrics.clock_drift import ClockDriftWatch
-from slosh_metrics.input_checks.constancy import BIN_NS
-from slosh_metrics.metrics import rms_error
-from slosh_metrics.motion_spans import AFTER_NS, MotionFinder, MotionSpan
+from slosh_motion.checks.constancy import BIN_NS
+from slosh_motion.inputs.frames import Vector
+from slosh_motion.signals.alignment import despike
+from slosh_motion.signals.clock_drift import ClockDriftWatch
+from slosh_motion.signals.metrics import rms_error
+from slosh_motion.signals.motion_spans import AFTER_NS, MotionFinder, MotionSpan
 
 NAN = float("nan")
 FEW = 16

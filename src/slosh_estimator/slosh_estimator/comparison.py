@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
-from slosh_estimator.rotation import Vector
 from slosh_estimator.tuning import TUNING
+from slosh_motion.inputs.frames import Vector
 
 
 class Condition(IntEnum):

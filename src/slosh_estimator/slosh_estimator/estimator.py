@@ -24,7 +24,6 @@ from slosh_estimator.estimate_kernel import (
     ROW,
     new_checks,
 )
-from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.self_test import check_model
 from slosh_estimator.state import EstimatorState
 from slosh_estimator.tuning import TUNING
@@ -36,6 +35,7 @@ from slosh_model.layout import back_to_rest, divided, moving_part, set_moving_pa
 from slosh_model.measure import reading_clock
 from slosh_model.model import Model
 from slosh_model.simulate import Simulator
+from slosh_motion.inputs.sampling import Sample, Samples
 
 _SETTLING = int(EstimateFlag.SETTLING)
 _AFTER_GAP = int(EstimateFlag.AFTER_GAP)

@@ -25,7 +25,6 @@ from slosh_estimator.comparison import (
 from slosh_estimator.height_checks import LevelWatch, RepeatedHeights, StrayHeights
 from slosh_estimator.limits import Event, LimitChange, LimitTracker, Source
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_estimator.sample import SECONDS_PER_NS
 from slosh_estimator.sight import (
     AMBIGUOUS,
     FROZEN,
@@ -39,8 +38,9 @@ from slosh_estimator.sight import (
 from slosh_estimator.tray_watch import TrayWatch
 from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag
-from slosh_metrics.metrics import RunningAccuracy
 from slosh_model.tray import Tray
+from slosh_motion.inputs.sampling import SECONDS_PER_NS
+from slosh_motion.signals.metrics import RunningAccuracy
 
 NAN = float("nan")
 MAXIMUM_WAITING = 1000

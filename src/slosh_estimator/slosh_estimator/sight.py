@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_base.types import Array, Integers
-from slosh_estimator.sample import SECONDS_PER_NS
 from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag
+from slosh_motion.inputs.sampling import SECONDS_PER_NS
 
 
 class SurfaceFlag(IntFlag):

@@ -2,34 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.sample import Sample
+from slosh_motion.inputs.sampling import Sample
 
 _POSE = 4  # where a sample's pose begins
-
-
-def remembered(memory: Sequence[float], count: int, rate: int = 0) -> Sequence[float]:
-    """Checks the length of an input reader's saved state, and returns that state.
-
-    Args:
-        memory: all of it.
-        count: numbers of the reader's own.
-        rate: numbers about the input's rate that follow them, but in recordings of old.
-
-    Raises:
-        SloshEstimatorError: it does not consist of so many numbers.
-    """
-    if len(memory) not in (count, count + rate):
-        raise SloshEstimatorError(
-            f"saved state of an input with {len(memory)} values, must have {count + rate}"
-        )
-    return memory
 
 
 class EstimatorState(NamedTuple):

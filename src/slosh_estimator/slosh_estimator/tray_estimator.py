@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from slosh_base.types import Array, Integers
 from slosh_estimator.estimator import Estimate, Estimates, Estimator
-from slosh_estimator.sample import Sample, Samples
 from slosh_model.model import Model
 from slosh_model.tray import Tray
+from slosh_motion.inputs.sampling import Sample, Samples
 
 _MSH, _AZIMUTH = 0, 1
 

@@ -1,4 +1,4 @@
-"""Tuning numbers of the estimator, its inputs and the monitor."""
+"""Tuning numbers of the estimator and the monitor."""
 
 from __future__ import annotations
 
@@ -7,64 +7,16 @@ from dataclasses import dataclass
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.tuning import number
-from slosh_model.constants import GRAVITY
 
 
 @dataclass(frozen=True, slots=True)
 class EstimatorTuning:
-    """Assumptions of estimator and monitor about sensors, trackers, cameras and liquids.
+    """Assumptions of estimator and monitor about cameras and liquids.
 
     Checked on the simulated cell's recordings by `slosh replay bags --check`. The unit
     "σ" is the sensor's standard deviation.
     """
 
-    # gate.py
-    strongest: float = number(2000.0, "m/s²", "largest acceleration of a container, 200 g")
-    agreeing: int = number(5, "1", "samples that make a jump a new motion")
-    # imu_input.py
-    angular_filter: float = number(0.01, "s", "time constant of the angular acceleration")
-    gravity_filter: float = number(2.0, "s", "time constant of the mean specific force")
-    too_light: float = number(0.5 * GRAVITY, "m/s²", "mean force of a sensor without gravity")
-    too_heavy: float = number(3.0 * GRAVITY, "m/s²", "mean force of a sensor in another unit")
-    fastest_turn: float = number(200.0, "rad/s", "largest angular velocity, 30 turns a second")
-    # pose_filter.py
-    reach: float = number(1.43, "rad", "half the window in phase of the carried mode, ωH")
-    velocity_reach: float = number(1.27, "rad", "the same where velocities are differentiated")
-    pose_reaches: tuple[float, ...] = number((0.26, 1.43), "rad", "the same, of degrees 3 and 5")
-    velocity_reaches: tuple[float, ...] = number((0.22, 1.27), "rad", "the same, of 1 and 3")
-    fastest_mode: float = number(30.0, "rad/s", "carried mode without a model: a cup of 40 mm")
-    phase_step: float = number(0.25, "rad", "largest step between accelerations, ωT")
-    # pose_input.py
-    fastest_move: float = number(20.0, "m/s", "speed above which a tracker jumps")
-    farthest: float = number(1e4, "m", "largest distance of a container from the origin")
-    lengths: tuple[float, float] = number((1e-3, 1e3), "1", "lengths that a quaternion may have")
-    clock_poses: int = number(32, "1", "number of poses that determine the even clock")
-    clock_memory: float = number(0.99, "1", "part of the clock's fit that is kept at each pose")
-    # aligned.py
-    moved: float = number(1e-6, "rad, m", "change of a joint or a transform that moves")
-    slower: float = number(1.5, "1", "ratio of intervals at which a slower stream leads")
-    leading_ns: int = number(SECOND // 20, "ns", "longest interval of a stream that leads")
-    kept_states: int = number(1024, "1", "values of a stream that are kept")
-    set_back_ns: int = number(SECOND, "ns", "stamps that go back so far are another time")
-    silent_ns: int = number(SECOND, "ns", "time that a stream may be behind the others")
-    silent_intervals: float = number(3.0, "1", "the same in its own intervals, in addition")
-    clock_way: float = number(
-        0.05, "rad, m", "change within a second of a stream whose clock matters"
-    )
-    clock_apart: float = number(0.03, "s", "least distance of two publishers' clocks")
-    # joint_poses.py, transform_poses.py
-    first_states: int = number(50, "1", "messages after which missing inputs are reported")
-    still_ns: int = number(30 * SECOND, "ns", "time after which a resting chain is reported")
-    beyond_limits: float = number(1.0, "rad, m", "distance to a joint's limits that is no error")
-    # joint_velocities.py
-    stretch_ns: int = number(SECOND // 5, "ns", "time over which velocities are compared")
-    compared: float = number(0.01, "rad, m", "motion over which velocities are compared")
-    agreeing_velocity: float = number(0.05, "1", "relative error of velocities that agree")
-    # sampling.py
-    carried: tuple[float, float] = number((0.97, 1.03), "1", "gains of a mode that is carried")
-    first_rate: int = number(4, "1", "intervals that determine the rate at first")
-    restarts: int = number(4, "1", "fewest restarts that are no single gaps")
-    rate_change: int = number(33, "1", "inverse relative change of a rate that is reported")
     # estimator.py
     runaway: float = number(5.0, "radius", "displacement at which a sloshing mass is no liquid")
     still: float = number(0.0005, "m", "largest height of liquid at rest")

@@ -12,10 +12,10 @@ from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sight import SATURATED
 from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag
-from slosh_metrics.motion_spans import motion_spans
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
+from slosh_motion.signals.motion_spans import motion_spans
 
 MS = 1_000_000
 TRUTH = Model(Cylinder(0.05, 0.07), damping_ratio=0.01).spatial().nonlinear()

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from slosh_estimator.observer.calm import CalmWatch
 from slosh_estimator.observer.envelope_bounds import Envelope, EnvelopeBounds
 from slosh_estimator.observer.observer import Observer
-from slosh_estimator.sample import Sample
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
+from slosh_motion.inputs.sampling import Sample
 
 SECOND = 1_000_000_000
 SLOWEST = 0.1

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.estimator import Estimate, Estimator
-from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.validity import EstimateFlag, settling_seconds
 from slosh_model.limits import ValidityLimits
 from slosh_model.model import Model
@@ -16,6 +15,7 @@ from slosh_model.model_text import parse_model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.simulate import Inputs, simulate
+from slosh_motion.inputs.sampling import Sample, Samples
 
 MODEL = Model(Cylinder(0.05, 0.07, rim_height=0.09)).spatial()
 TICK = 1_953_125  # ns: 1/512 s, exact in binary, so that both clocks have the same intervals

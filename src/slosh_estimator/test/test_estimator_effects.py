@@ -9,12 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from slosh_estimator.estimator import Estimator
-from slosh_estimator.gate import GateSettings
-from slosh_estimator.imu_input import ImuInput
-from slosh_estimator.mounting import SensorTransform
-from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.readings import has_readings
-from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.validity import attitude_warning
 from slosh_model.constants import GRAVITY
 from slosh_model.effects.registry import EFFECTS
@@ -24,6 +19,11 @@ from slosh_model.pose import pose_rows
 from slosh_model.response import Response
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
+from slosh_motion.inputs.frames import SensorTransform
+from slosh_motion.inputs.gate import GateSettings
+from slosh_motion.inputs.pose_input import PoseInput
+from slosh_motion.inputs.sampling import Sample, Samples
+from slosh_motion.inputs.sensor_inputs import ImuInput
 
 MS = 1_000_000
 Array = NDArray[np.float64]

@@ -2,9 +2,9 @@
 
 from slosh_estimator.estimator import Estimate, Estimator
 from slosh_estimator.nodes.estimator_messages import fill
-from slosh_estimator.sample import Sample
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
+from slosh_motion.inputs.sampling import Sample
 from slosh_msgs.msg import SloshEstimate
 
 TILTED = Model(Cylinder(0.05, 0.07)).with_effect("static_tilt", roll=0.05, pitch=-0.03)

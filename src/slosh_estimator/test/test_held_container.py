@@ -13,12 +13,12 @@ from slosh_estimator.held_container import HeldContainer, tray_holding
 from slosh_estimator.limits import Kind
 from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.errors import SloshModelError
 from slosh_model.model_text import parse_model
 from slosh_model.standing import Standing
 from slosh_model.tray import Tray, TrayContainer
+from slosh_motion.inputs.sampling import Sample, Samples
 
 MS = 1_000_000
 CUP = parse_model(

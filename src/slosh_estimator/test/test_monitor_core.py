@@ -13,7 +13,7 @@ from slosh_estimator.monitor import MAXIMUM_WAITING, Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sight import SATURATED, SurfaceFlag
 from slosh_estimator.validity import EstimateFlag
-from slosh_metrics.metrics import mean_absolute_error, peak_error
+from slosh_motion.signals.metrics import mean_absolute_error, peak_error
 
 MS = 1_000_000
 NOT_FOUND, BAD_IMAGE = 32, 128

@@ -1,11 +1,11 @@
 """Tests that parameters of a node mean the same live and in a replay."""
 
-from slosh_estimator.gate import GateSettings
-from slosh_estimator.inputs import InputSettings
 from slosh_estimator.limits import Hysteresis
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.nodes import estimator_node, monitor_node
+from slosh_motion.inputs.frames import SensorTransform
+from slosh_motion.inputs.gate import GateSettings
+from slosh_motion.inputs.inputs import InputSettings
 
 
 def defaults(specs):

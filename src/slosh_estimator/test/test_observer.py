@@ -11,10 +11,10 @@ from slosh_estimator.observer.calm import CalmWatch
 from slosh_estimator.observer.observer import Observer
 from slosh_estimator.observer.states import Outcome, WallHeights
 from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
-from slosh_estimator.sample import Sample
 from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag
 from slosh_model import Cylinder, Inputs, Model, Rectangle, State, simulate
+from slosh_motion.inputs.sampling import Sample
 
 CUP = Model(Cylinder(0.05, 0.07)).with_effect("vertical_acceleration").nonlinear()
 BOX = Model(Rectangle(0.1, 0.08, 0.07))

@@ -6,9 +6,9 @@ import pytest
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.observer.observer import Observer
 from slosh_estimator.observer.states import WallHeights
-from slosh_estimator.sample import Sample
 from slosh_model import Inputs, Model, measured_heights, simulate
 from slosh_model.shapes import Prism
+from slosh_motion.inputs.sampling import Sample
 from slosh_testing.mode_solver import needs_solver
 
 pytestmark = needs_solver

@@ -7,9 +7,9 @@ import pytest
 
 from slosh_estimator.observer.observer import Observer, ShownWave
 from slosh_estimator.observer.states import WallHeights
-from slosh_estimator.sample import Sample
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
+from slosh_motion.inputs.sampling import Sample
 
 SECOND = 1_000_000_000
 OMEGA = 19.0

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from slosh_estimator.estimator import Estimator
-from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.tray_estimator import TrayEstimator
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.tray import Tray, TrayContainer
+from slosh_motion.inputs.sampling import Sample, Samples
 
 MS = 1_000_000
 CUP = Model(Cylinder(0.04, 0.06), damping_ratio=0.1)

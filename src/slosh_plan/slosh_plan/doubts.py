@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_metrics.input_checks.table_checks import InputDoubt, motion_doubts
 from slosh_model.gaps import unresolved, unresolved_text
 from slosh_model.model import Model
 from slosh_model.tilt import largest_tilt
+from slosh_motion.checks.table_checks import InputDoubt, motion_doubts
 from slosh_plan.planning.waypoints import Waypoints
 from slosh_plan.trajectory import Trajectory
 

@@ -9,8 +9,8 @@ import numpy as np
 import scipy
 
 from slosh_base.types import Array
-from slosh_estimator.robot import Mover, Robot
-from slosh_estimator.tuning import TUNING as ESTIMATOR_TUNING
+from slosh_motion.inputs.robot import Mover, Robot
+from slosh_motion.tuning import TUNING as INPUTS
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.trajectory import PEAK_SPACING, Trajectory, dense
 
@@ -325,7 +325,7 @@ class Arm(Robot):
         """Raises SloshPlanError if a position is far beyond its limits, as if given in degrees."""
         limits = self.limits(joints)
         outside = np.maximum(limits["lower"] - position, position - limits["upper"])
-        if len(outside) and outside.max() > ESTIMATOR_TUNING.beyond_limits:
+        if len(outside) and outside.max() > INPUTS.beyond_limits:
             row, place = map(int, np.unravel_index(int(np.argmax(outside)), outside.shape))
             raise SloshPlanError(
                 f"{name}: joint {joints[place]!r} reaches {position[row, place]:.6g}, far outside "

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.robot import read_urdf
 from slosh_model.containers import Container
+from slosh_motion.inputs.robot import read_urdf
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.joints import Arm
 from slosh_plan.planning.joint_limits import (

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 
-from slosh_estimator.robot import read_urdf
+from slosh_motion.inputs.robot import read_urdf
 from slosh_plan.errors import SloshPlanError
 
 _MOVING = ("revolute", "continuous", "prismatic")

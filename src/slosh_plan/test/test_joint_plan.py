@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from slosh_base.files.errors import SloshFileError
-from slosh_estimator.robot import available
 from slosh_model import Inputs, simulate
 from slosh_model.model_text import parse_model
+from slosh_motion.inputs.robot import available
+from slosh_motion.tables.columns import FOUND_OUT
 from slosh_plan import SloshPlanError
 from slosh_plan.joints import Arm
 from slosh_plan.planning.joint_limits import (
@@ -24,7 +25,6 @@ from slosh_plan.planning.plan import NoSafeMotionError, plan
 from slosh_plan.planning.waypoints import JointWaypoints
 from slosh_plan.robot_file import CarryingRobot
 from slosh_plan.tables.joint_table import read_joint_table, write_joint_table
-from slosh_tables.text_table.options import FOUND_OUT
 
 pytestmark = pytest.mark.skipif(not available(), reason="no Pinocchio (requirements/joints.txt)")
 UPPER, FORE = 0.5, 0.4

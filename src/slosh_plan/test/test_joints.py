@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from slosh_estimator.robot import available
+from slosh_motion.inputs.robot import available
 from slosh_plan import SloshPlanError
 from slosh_plan.joints import Arm
 

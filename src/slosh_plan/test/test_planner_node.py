@@ -20,9 +20,9 @@ from trajectory_msgs.msg import (
     MultiDOFJointTrajectoryPoint,
 )
 
-from slosh_estimator.robot import available
 from slosh_model import Inputs, simulate
 from slosh_model.model_text import parse_model
+from slosh_motion.inputs.robot import available
 from slosh_msgs.action import PlanMotion
 from slosh_msgs.msg import MotionPlan, PlanRequest, SloshEstimate
 from slosh_msgs.srv import PlanMotion as PlanMotionService

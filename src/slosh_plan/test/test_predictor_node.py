@@ -21,9 +21,9 @@ from trajectory_msgs.msg import (
 )
 
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.robot import available
 from slosh_model.model_text import parse_model
 from slosh_model.motion_profiles import quintic
+from slosh_motion.inputs.robot import available
 from slosh_msgs.msg import (
     ContainerChange,
     FusedEstimate,

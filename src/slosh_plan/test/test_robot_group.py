@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slosh_estimator.robot import available
+from slosh_motion.inputs.robot import available
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning.waypoints import JointWaypoints
 from slosh_plan.robot_file import CarryingRobot, read_robot

@@ -10,14 +10,14 @@ from typing import Any
 from slosh_base.files.yaml_document import format_yaml
 from slosh_camera.calibrate.camera_file import parse_any_calibration
 from slosh_camera.optics.calibration import Calibration
-from slosh_estimator.inputs import TOPIC_NAMES
 from slosh_estimator.limits import Source
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model
+from slosh_motion.inputs.inputs import TOPIC_NAMES
+from slosh_motion.recorded.settings import NodeStart, after, last_of_each, tray_of
 from slosh_msgs_py import topics
 from slosh_replay.recorded_run import RecordedRun
-from slosh_replay.recording.settings import NodeStart, after, last_of_each, tray_of
 
 _FIELDS = ("parameters", "topics", "files", "code", "arithmetic")
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from slosh_bag.mcap_files.remote_path import bag_path
 from slosh_bag.reader import BagReader, TopicInfo
-from slosh_replay.recording.settings import NodeStart
-from slosh_replay.recording.sources import CellTopics
+from slosh_motion.recorded.settings import NodeStart
+from slosh_motion.recorded.sources import CellTopics
 
 
 class RecordedRun:

@@ -14,11 +14,11 @@ from slosh_bag.interchange.bag_contents import bag_contents
 from slosh_bag.reader import BagMessage, BagReader, messages_of, stamp_ns
 from slosh_bag.recover import NotedDefinitions
 from slosh_base.files import check_outside, new_folder
-from slosh_estimator.inputs import TRANSFORMS
+from slosh_motion.inputs.inputs import TRANSFORMS
+from slosh_motion.recorded.inputs import STAMP, recorded_inputs, stamps_of
+from slosh_motion.recorded.motion import set_backs, strays_ahead
+from slosh_motion.recorded.sources import Sources, find_sources
 from slosh_msgs_py import topics
-from slosh_replay.recording.inputs import STAMP, recorded_inputs, stamps_of
-from slosh_replay.recording.sources import Sources, find_sources
-from slosh_replay.strays import set_backs, strays_ahead
 
 PART = "part_{}"
 _TOLD_ONCE = {name.rpartition("/")[2] for name in (topics.TF_STATIC, topics.ROBOT_DESCRIPTION)}

@@ -10,7 +10,7 @@ import scipy.io
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
 from slosh_base.files.errors import SloshFileError
-from slosh_estimator.robot import Robot, available
+from slosh_motion.inputs.robot import Robot, available
 from slosh_replay.tables.antisloshing import POSE_TOPIC, SURFACE_TOPIC, import_antisloshing
 
 RUN = "LE_2D_test"

@@ -7,7 +7,7 @@ from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_bag.playing.play_plan import PlayRequest, make_plan
 from slosh_bag.reader import BagReader
-from slosh_replay.recording.sources import CellTopics, find_sources
+from slosh_motion.recorded.sources import CellTopics, find_sources
 from slosh_replay.replay import replay_bag
 from slosh_replay.tables.bag_table import read_bag_table
 from slosh_testing.live_bag import LiveBag

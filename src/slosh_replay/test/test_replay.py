@@ -14,11 +14,11 @@ from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
+from slosh_motion.tables.motion_table import MotionTable
 from slosh_replay.replay import replay_bag, replay_table
 from slosh_replay.replay.report import Surroundings, event_spans, replay_report
 from slosh_replay.replay.result import ModelAccuracy, ReplayResult
 from slosh_report.run_report import render_report
-from slosh_tables.motion_table import MotionTable
 from slosh_testing.cell_bag import SURFACE, CellBag
 
 MODEL = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from slosh_bag.errors import SloshBagError
 from slosh_estimator.sight import SATURATED, SurfaceFlag
-from slosh_metrics.metrics import mean_absolute_error, peak_error, rms_error
+from slosh_motion.signals.metrics import mean_absolute_error, peak_error, rms_error
 from slosh_replay.recording.heights import (
     SURFACE_FIELDS,
     HeightCollector,

@@ -13,10 +13,10 @@ from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs
+from slosh_motion.tables.motion_table import MotionTable
 from slosh_replay.replay import replay_bag, replay_table
 from slosh_replay.replay.setting import Outputs
 from slosh_replay.tables.table_bag import write_table_bag
-from slosh_tables.motion_table import MotionTable
 
 BASE = Model(Cylinder(0.05, 0.07), damping_ratio=0.02).nonlinear()
 # The base is nonlinear already; a slower loss and a stronger drag suit these motions.

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from slosh_estimator.inputs import InputSettings
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
+from slosh_motion.inputs.inputs import InputSettings
+from slosh_motion.recorded.inputs import InputReader
 from slosh_replay.recording.heights import Measurements
-from slosh_replay.recording.inputs import InputReader
 from slosh_replay.replay.series import Series
 from slosh_replay.replay.setting import Outputs, Setting
 from slosh_replay.replay.stream import ReplayStream

@@ -14,14 +14,14 @@ from hypothesis.extra.numpy import arrays
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
-from slosh_estimator.gate import GateSettings
-from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sight import SurfaceFlag
 from slosh_model.constants import GRAVITY
-from slosh_replay.recording.motion import RecordedMotion
+from slosh_motion.inputs.gate import GateSettings
+from slosh_motion.inputs.inputs import InputSettings
+from slosh_motion.recorded.motion import RecordedMotion
+from slosh_motion.tables.motion_table import MotionTable, write_motion_table
 from slosh_replay.tables.bag_table import TableSettings, read_bag_table, with_rows_at
 from slosh_replay.tables.table_bag import import_table, table_times, write_table_bag
-from slosh_tables.motion_table import MotionTable, write_motion_table
 from slosh_testing.cell_bag import IMU, POSE, CellBag
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False, width=64)

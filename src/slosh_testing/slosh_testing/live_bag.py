@@ -12,7 +12,6 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_estimator.estimator import Estimator
-from slosh_estimator.gate import GateSettings
 from slosh_estimator.held_container import (
     EMPTY,
     FRESH,
@@ -20,13 +19,14 @@ from slosh_estimator.held_container import (
     HeldContainer,
     tray_holding,
 )
-from slosh_estimator.inputs import InputSettings
-from slosh_estimator.mounting import SensorTransform
-from slosh_estimator.sampling import modes_of
 from slosh_estimator.tray_estimator import TrayEstimate, TrayEstimator
 from slosh_model.constants import GRAVITY
 from slosh_model.model_text import format_model, parse_model
 from slosh_model.tray import TRAY, Tray, format_tray
+from slosh_motion.inputs.frames import SensorTransform
+from slosh_motion.inputs.gate import GateSettings
+from slosh_motion.inputs.inputs import InputSettings
+from slosh_motion.inputs.sampling import modes_of
 from slosh_msgs_py.journal_format import MESSAGE, MICROSECOND, checksum
 
 TEXT = """

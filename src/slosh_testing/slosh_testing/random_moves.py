@@ -15,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_estimator.estimator import Estimates, Estimator
-from slosh_estimator.gate import GateSettings
-from slosh_estimator.inputs import InputSettings
-from slosh_estimator.pose_input import PoseInput
-from slosh_estimator.sample import Samples
-from slosh_estimator.sampling import modes_of
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
+from slosh_motion.inputs.gate import GateSettings
+from slosh_motion.inputs.inputs import InputSettings
+from slosh_motion.inputs.pose_input import PoseInput
+from slosh_motion.inputs.sampling import Samples, modes_of
 
 Array = NDArray[np.float64]
 MODEL = Model(Cylinder(0.04, 0.06), damping_ratio=0.01)

@@ -11,7 +11,7 @@ from tm20.design import DEPTH, FILL_HEIGHT, IDENTIFICATION
 from tm20.experiments import NO_NOISE, Experiment, geometry_of, true_amplitudes
 
 from slosh_camera.rectangle.detector import SideViewDetector
-from slosh_metrics.surface_metrics import line_slopes
+from slosh_motion.signals.metrics import line_slopes
 from slosh_testing.side_view_scene import Liquid, Look, Setup, draw, still
 
 Array = NDArray[np.float64]

@@ -17,11 +17,15 @@ from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.identify import identify
 from slosh_discovery.identify.result import IdentifiedModel
 from slosh_discovery.identify.validity import count_within
-from slosh_metrics.surface_metrics import effective_difference, effective_height, line_slopes
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
 from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.simulate import Inputs
+from slosh_motion.signals.metrics import (
+    effective_difference,
+    effective_height,
+    line_slopes,
+)
 
 Array = NDArray[np.float64]
 

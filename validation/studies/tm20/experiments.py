@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from tm20.design import FILL_HEIGHT, FRAMES, GEOMETRIES, PLACES, RATIO, STROKE, Geometry
 
 from slosh_base.files.new_file import NewFile
-from slosh_metrics.surface_metrics import line_approximation_error, line_slopes
 from slosh_model.motion_profiles import Cycle
+from slosh_motion.signals.metrics import line_approximation_error, line_slopes
 from slosh_testing.multimodal import Tanks, simulate_tanks
 
 Array = NDArray[np.float64]

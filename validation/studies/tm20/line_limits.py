@@ -22,9 +22,9 @@ from tm20.design import (
 from tm20.experiments import MODES, TENSION, places
 
 from slosh_discovery.identify.validity import count_within
-from slosh_metrics.surface_metrics import line_approximation_error
 from slosh_model.errors import SloshModelError
 from slosh_model.motion_profiles import LAWS, Cycle
+from slosh_motion.signals.metrics import line_approximation_error
 from slosh_testing.multimodal import Tanks, simulate_tanks
 
 SLOWEST = 30

@@ -19,14 +19,14 @@ from slosh_base.types import Array, Integers
 from slosh_estimator.limits import Kind, Source
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_fleet.motions.motion_row import MotionRow
-from slosh_metrics.motion_spans import MotionFinder, MotionSpan
 from slosh_model.errors import SloshModelError
 from slosh_model.mode_table import mode_table
+from slosh_motion.recorded.inputs import STAMP, stamps_of
+from slosh_motion.recorded.settings import NodeStart, latest, model_of
+from slosh_motion.recorded.sources import CellTopics
+from slosh_motion.signals.motion_spans import MotionFinder, MotionSpan
 from slosh_msgs_py import topics
 from slosh_replay.recorded_run import RecordedRun
-from slosh_replay.recording.inputs import STAMP, stamps_of
-from slosh_replay.recording.settings import NodeStart, latest, model_of
-from slosh_replay.recording.sources import CellTopics
 
 _TYPES = {row.name: row.type for row in topics.TOPICS}
 _FIELDS: Mapping[str, tuple[str, ...]] = {

@@ -15,7 +15,6 @@ from slosh_bag.held_folder import is_held
 from slosh_camera.calibrate.camera_file import parse_any_calibration
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.calibration import Calibration
-from slosh_estimator.inputs import WantedInput
 from slosh_fleet.validation.content import (
     ROLES,
     Criterion,
@@ -40,8 +39,9 @@ from slosh_model.containers import Container
 from slosh_model.model import Model
 from slosh_model.model_text import format_model, read_model
 from slosh_model.shapes.cylinder import Cylinder
+from slosh_motion.inputs.inputs import WantedInput
+from slosh_motion.recorded.settings import first, latest, model_of
 from slosh_replay.recorded_run import RecordedRun
-from slosh_replay.recording.settings import first, latest, model_of
 from slosh_replay.replay import ReplayResult, replay_bag
 from slosh_replay.replay.report import Surroundings, replay_report
 from slosh_report.run_report import RunReport

@@ -15,13 +15,12 @@ from slosh_estimator.monitor_settings import HEIGHT_LIMITS, MonitorSettings
 from slosh_estimator.sight import SATURATED
 from slosh_fleet.validation.content import LimitInForce, Peak, Recording
 from slosh_fleet.validation.criteria import COVERAGE, NAN, Evidence
+from slosh_motion.recorded.inputs import STAMP, stamps_of
+from slosh_motion.recorded.settings import latest
+from slosh_motion.recorded.sources import SURFACE, CellTopics, event_lines, lost_messages
 from slosh_msgs_py import topics
 from slosh_replay.in_force import parameter_changes
 from slosh_replay.recorded_run import RecordedRun
-from slosh_replay.recording.facts import event_lines, lost_messages
-from slosh_replay.recording.inputs import STAMP, stamps_of
-from slosh_replay.recording.settings import latest
-from slosh_replay.recording.sources import SURFACE, CellTopics
 from slosh_replay.replay.checking import dropped, is_reproduced
 from slosh_replay.replay.report import highest, recorded_at, report_start, shown_models
 from slosh_replay.replay.result import MotionAccuracy, ReplayResult

@@ -12,9 +12,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from slosh_base.files.bounded_text import read_text
 from slosh_base.files.nanoseconds import SECOND
-from slosh_estimator.robot import LONGEST, read_urdf
 from slosh_governor.core import Command, Governed
 from slosh_governor.core.parameters import VELOCITY, joint_command
+from slosh_motion.inputs.robot import LONGEST, read_urdf
 from slosh_msgs_py import topics
 from slosh_msgs_py.stamps import to_duration, to_nanoseconds, to_time
 from slosh_plan.errors import SloshPlanError

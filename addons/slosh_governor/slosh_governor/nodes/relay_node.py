@@ -21,6 +21,7 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.nodes.input_subscription import message_class
 from slosh_governor.nodes.relayed_goal import Relayed, RelayRules, WrongJointsError, relayed
 from slosh_model.tray import read_tray
+from slosh_motion.errors import SloshMotionError
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import OK, WARN, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
@@ -220,7 +221,7 @@ class RelayNode(PreparedNode):
         """Returns the liquid's state, or None if it is unknown, which counts as at rest."""
         try:
             return self._estimate.state_for(self._container.tray)
-        except SloshEstimatorError:
+        except SloshMotionError:
             return None
 
     def _pass(self, goal: Any, feedback: Any) -> None:

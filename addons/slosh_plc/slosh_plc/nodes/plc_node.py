@@ -21,6 +21,7 @@ from rclpy.subscription import Subscription
 from slosh_bag.errors import SloshBagError
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.comparison import Condition
+from slosh_motion.recorded.settings import node_start
 from slosh_msgs.msg import Calm, FusedEstimate, LimitEvent, NodeSettings, SloshComparison
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN, DiagnosticsReporter, Health
@@ -38,7 +39,6 @@ from slosh_plc.opc_ua import OpcUaServer, OpcUaSettings
 from slosh_plc.server import Server, ServerThread
 from slosh_plc.sparkplug import SparkplugNode
 from slosh_plc.tuning import TUNING
-from slosh_replay.recording.settings import node_start
 
 BATCH = 2000
 """Most messages of a topic that are taken at once."""

@@ -42,6 +42,11 @@ def stored_bags(runs: Path, now: float) -> list[StoredBag]:
     """
     try:
         found = [bag for folder in _folders(runs) for bag in _bags(folder, now)]
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise SloshBagError(
+            f"{error.filename}: {error.strerror}; name the folder of a cell's runs, the one after "
+            "-o of `slosh cell`: slosh store RUNS"
+        ) from None
     except OSError as error:
         raise SloshBagError(f"{error.filename}: {error.strerror}") from None
     return sorted(found, key=lambda bag: (bag.written, bag.folder))

@@ -12,9 +12,8 @@ from slosh_base.types import Array
 from slosh_bringup.cell.motions import CellMotion, make_motion
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.interpolation import columns_at
-from slosh_tables.motion_table import MotionTable, read_motion_table
-from slosh_tables.text_table.options import TableOptions, Tell, warn
-from slosh_tables.text_table.units import check_span
+from slosh_motion.tables.columns import TableOptions, Tell, check_span, warn
+from slosh_motion.tables.motion_table import MotionTable, read_motion_table
 
 TABLE_ENDINGS = (".csv", ".csv.gz")
 REPEATS = (1, 10_000)

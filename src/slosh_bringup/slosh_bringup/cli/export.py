@@ -17,9 +17,9 @@ from slosh_bringup.cli.input_options import add_input_options, wanted_input
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.progress import Progress, Unit
 from slosh_bringup.errors import SloshBringupError
+from slosh_motion.tables.motion_table import SUFFIXES, is_motion_table, write_motion_table
 from slosh_replay.tables.bag_table import NO_HEIGHTS, TableSettings, read_bag_table
 from slosh_report.text_table import aligned
-from slosh_tables.motion_table import SUFFIXES, is_motion_table, write_motion_table
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -20,7 +20,7 @@ from slosh_replay.tables.antisloshing import find_runs, import_antisloshing
 from slosh_replay.tables.table_bag import import_table
 
 EXIT_LOST = 1
-"""Messages that a bag counts did not come."""
+"""Messages that a bag counts did not come, or a motion is doubtful."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -93,10 +93,13 @@ def import_runs(arguments: argparse.Namespace) -> int:
 def import_tables(arguments: argparse.Namespace) -> int:
     """Runs `slosh import table`, which converts motion tables to bags."""
     options = table_options(arguments)
-    facts = []
+    facts, code = [], 0
     for source, bag in bag_folders(arguments.sources, arguments.output).items():
         with Progress(source.name, None, Unit("rows")) as progress:
             told = import_table(source, bag, progress.of, options)
+        for doubt in told.doubts:
+            print(plain_line(f"slosh import: warning: {source}: {doubt}"), file=sys.stderr)
+            code = EXIT_LOST if doubt.wrong else code
         facts.append({"bag": str(told.bag), "rows": told.rows, "rounded": told.rounded})
         if arguments.json:
             continue
@@ -104,7 +107,7 @@ def import_tables(arguments: argparse.Namespace) -> int:
         print(plain_line(f"{told.bag}: {told.rows} rows{rounded}"))
     if arguments.json:
         print(json.dumps(facts))
-    return 0
+    return code
 
 
 def import_rosbags(arguments: argparse.Namespace) -> int:

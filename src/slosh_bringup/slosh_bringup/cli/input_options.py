@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from slosh_estimator.inputs import JOINTS, MESSAGE_TYPES, InputSettings, WantedInput
-from slosh_estimator.robot import read_urdf
+from slosh_motion.inputs.inputs import JOINTS, MESSAGE_TYPES, InputSettings, WantedInput
+from slosh_motion.inputs.robot import read_urdf
 
 
 def add_input_options(parser: Any) -> None:

@@ -13,7 +13,12 @@ from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.quantities import RATE, SPEED, length
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.motion_profiles import LAWS, Cycle
-from slosh_tables.motion_table import SUFFIXES, MotionTable, is_motion_table, write_motion_table
+from slosh_motion.tables.motion_table import (
+    SUFFIXES,
+    MotionTable,
+    is_motion_table,
+    write_motion_table,
+)
 
 AXES = ("x", "y")
 MOST_ROWS = 10_000_000

@@ -11,14 +11,14 @@ from typing import Any
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.input_options import add_robot_options, wanted_robot
 from slosh_bringup.cli.quantities import RADIANS, length
-from slosh_metrics.mounting.verdict import MountingVerdict
-from slosh_replay.recording.mounting import (
+from slosh_motion.mounting.in_recording import (
     REFERENCES,
     SENSORS,
     MountingCheck,
     MountingWanted,
     check_mounting,
 )
+from slosh_motion.mounting.verdict import MountingVerdict
 from slosh_report.text_table import aligned
 
 RIGHT, WRONG = 0, 1

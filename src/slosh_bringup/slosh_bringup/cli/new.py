@@ -16,8 +16,8 @@ from slosh_bringup.cli.quantities import DENSITY, VISCOSITY, length
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import NAMESPACE
 from slosh_bringup.new_cup import LENGTH, QUANTITIES, NewCup, lengths_of, next_steps, texts_of
-from slosh_estimator.robot import Robot, read_urdf
 from slosh_model.liquid import LIQUIDS, Liquid
+from slosh_motion.inputs.robot import Robot, read_urdf
 
 _TYPES = {"kg/m3": DENSITY, "m2/s": VISCOSITY}
 _IMAGE_SIZE = "1280x720"

@@ -14,8 +14,8 @@ from slosh_bringup.cli.progress import IN_SECONDS, Progress
 from slosh_bringup.cli.quantities import RATE, time
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.stop_request import READER_GONE, forget_readers
+from slosh_motion.recorded.sources import CellTopics
 from slosh_msgs_py.topics import TOPICS, TopicRole
-from slosh_replay.recording.sources import CellTopics
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

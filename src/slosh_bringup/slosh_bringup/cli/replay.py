@@ -176,7 +176,10 @@ def run(arguments: argparse.Namespace) -> int:
         good = sum(bool(_passed(outcome)) for outcome in outcomes)
         print(f"{good} of {len(outcomes)} bags as expected", file=sys.stderr)
         return DONE if good == len(outcomes) else FAILED
-    return DONE if any(outcome.value is not None for outcome in outcomes) else WRONG_INPUT
+    if all(outcome.value is None for outcome in outcomes):
+        return WRONG_INPUT
+    failed = any(outcome.value is None or _passed(outcome) is False for outcome in outcomes)
+    return FAILED if failed else DONE
 
 
 def make_tasks(stated: Sequence[StatedBag], arguments: argparse.Namespace) -> list[Task]:
@@ -186,8 +189,8 @@ def make_tasks(stated: Sequence[StatedBag], arguments: argparse.Namespace) -> li
     for bag, name in zip(stated, unique_names([bag.path for bag in stated]), strict=True):
         expected = bag.expected
         model = arguments.model or (expected.model if expected else None)
-        if arguments.write_manifest:
-            expected = None
+        if arguments.write_manifest or (arguments.model and not arguments.check):
+            expected = None  # what is stated is of another model
         elif expected is None and (arguments.check or bag.unstated):
             expected = RECORDED
         unstated = bag.unstated and expected is not None

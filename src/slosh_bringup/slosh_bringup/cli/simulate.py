@@ -20,21 +20,21 @@ from slosh_bringup.cli.quantities import HEIGHT
 from slosh_bringup.cli.rim_option import add_rim_distance
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.simulate.answer import SimulationAnswer, check_possible, doubts, make_answer
-from slosh_metrics.input_checks.table_checks import InputDoubt
+from slosh_bringup.simulate.answer import SimulationAnswer, doubts, make_answer
 from slosh_model.gaps import gap_text
 from slosh_model.measure import predicted_heights
 from slosh_model.model_text import read_model
 from slosh_model.response import Response
 from slosh_model.simulate import simulate
 from slosh_model.tilt import added_text, attitude_of, with_tilt
+from slosh_motion.checks.table_checks import InputDoubt
+from slosh_motion.tables.columns import check_span
+from slosh_motion.tables.motion_table import read_motion_table
 from slosh_plan import HeightLimits
 from slosh_plan.heights import highest, msh_of
 from slosh_plan.prediction import checked_horizon
 from slosh_plan.start import begun
 from slosh_plan.trajectory import PEAK_SPACING, rested
-from slosh_tables.motion_table import read_motion_table
-from slosh_tables.text_table.units import check_span
 
 EXIT_KEPT, EXIT_NOT_KEPT = 0, 1
 EPILOG = """columns of the table:
@@ -104,7 +104,6 @@ def run(arguments: argparse.Namespace) -> int:
     limits.under_rim(model)  # refuses a distance that cannot be kept
     motion = read_motion_table(arguments.motion, table_options(arguments), tell_wrong=False)
     check_span(arguments.motion, motion.t)
-    check_possible(arguments.motion, motion)
     inputs = motion.inputs()
     added = added_text(model, attitude_of(inputs))
     if added:

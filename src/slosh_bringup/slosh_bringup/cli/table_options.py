@@ -7,8 +7,7 @@ import sys
 
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.errors import SloshBringupError
-from slosh_tables.text_table.options import SEPARATORS, TableOptions
-from slosh_tables.text_table.units import TIME
+from slosh_motion.tables.columns import SEPARATORS, TIME, TableOptions
 
 
 def add_table_options(parser: argparse.ArgumentParser) -> None:

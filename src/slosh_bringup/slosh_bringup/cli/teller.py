@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterable
 
 from slosh_base.files.plain_text import plain_line
-from slosh_metrics.input_checks.table_checks import InputDoubt
+from slosh_motion.checks.table_checks import InputDoubt
 
 EXIT_DOUBTFUL = 1
 """The answer was given, but the input is not what it claims to be."""

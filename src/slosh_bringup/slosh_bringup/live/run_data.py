@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from slosh_bag.reader import TopicInfo, stamp_ns
 from slosh_base.types import Array
+from slosh_motion.recorded.sources import lost_messages, shared_topics_line
 from slosh_msgs_py.topics import COMPARISON
 from slosh_replay.recorded_run import RecordedRun
-from slosh_replay.recording.facts import lost_messages, shared_topics_line
 
 HEIGHTS = (
     "measured",

@@ -12,7 +12,7 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_bringup.live.run_data import COLUMNS, RunData
 from slosh_estimator.sight import UNSOUND, judged
-from slosh_metrics.metrics import mean_absolute_error, peak_error, rms_error
+from slosh_motion.signals.metrics import mean_absolute_error, peak_error, rms_error
 from slosh_replay.replay import ReplayResult
 from slosh_report.json_values import plain
 

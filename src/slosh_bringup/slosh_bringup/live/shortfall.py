@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from slosh_bag.reader import BagReader, TopicInfo
 from slosh_bringup.live.run_data import RunData, facts_of
 from slosh_camera.measurement import Flag
-from slosh_estimator.inputs import MESSAGE_TYPES, TRANSFORMS
 from slosh_estimator.sight import UNUSABLE
+from slosh_motion.inputs.inputs import MESSAGE_TYPES, TRANSFORMS
+from slosh_motion.recorded.inputs import STAMP, stamps_of
+from slosh_motion.recorded.sources import ESTIMATE, SURFACE
 from slosh_msgs_py import topics
 from slosh_replay.in_force import Starts, has_camera, image_topic, input_topic
-from slosh_replay.recording.inputs import STAMP, stamps_of
-from slosh_replay.recording.sources import ESTIMATE, SURFACE
 
 MANY = 3
 """So many causes of one kind are named."""

@@ -15,9 +15,9 @@ from slosh_bringup.ready_wait import TELLING, UNHEARD, ReadyWait, sentence
 from slosh_bringup.watch.verdict import judge
 from slosh_estimator.limits import Source
 from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_motion.recorded.settings import NodeStart, after
 from slosh_msgs_py.node.readiness import COMPILING, READY, STATE, WAITING
 from slosh_replay.in_force import in_force_lines, settings_document
-from slosh_replay.recording.settings import NodeStart, after
 
 LATE = 10.0
 """A node of which nothing was heard for so long is named in a log [s]."""

@@ -16,12 +16,12 @@ from rclpy.node import Node
 
 from slosh_bag.errors import SloshBagError
 from slosh_bringup.cell_watch import NodeReport, reports
+from slosh_motion.recorded.settings import NodeStart, node_start
 from slosh_msgs.msg import NodeSettings, SloshComparison
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import find_type
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.run import initialise, make_heard
-from slosh_replay.recording.settings import NodeStart, node_start
 
 _READ = ("geometry_msgs", "sensor_msgs", "slosh_msgs")
 """Packages whose messages the cell's nodes read."""

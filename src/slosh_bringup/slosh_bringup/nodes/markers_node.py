@@ -24,6 +24,7 @@ from slosh_estimator.held_container import held_by
 from slosh_estimator.limits import Source
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.model import Model
+from slosh_motion.recorded.settings import model_of, node_start
 from slosh_msgs.msg import ContainerChange, NodeSettings, SloshComparison, SloshEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import OK, WARN, DiagnosticsReporter, Health
@@ -31,7 +32,6 @@ from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.polled import PolledNode, take
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.stamps import to_duration
-from slosh_replay.recording.settings import model_of, node_start
 
 PARAMETERS = (
     ParameterSpec("rate", 20.0, "rate at which the markers are published [Hz]", (0.5, 60.0)),

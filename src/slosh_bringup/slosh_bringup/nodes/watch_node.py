@@ -33,6 +33,7 @@ from slosh_bringup.watch.state import PERIOD, WatchState
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image as Pixels
 from slosh_camera.images.decoding import decode_compressed, to_image
+from slosh_motion.recorded.settings import node_start
 from slosh_msgs.msg import (
     Calm,
     FreeSurface,
@@ -49,7 +50,6 @@ from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.polled import PolledNode, take
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.stamps import to_nanoseconds
-from slosh_replay.recording.settings import node_start
 
 LOOK_EVERY = 2.0
 """Time between two looks at the graph [s]."""

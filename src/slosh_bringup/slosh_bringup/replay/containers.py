@@ -11,11 +11,11 @@ from slosh_estimator.container_monitor import own_settings
 from slosh_estimator.limits import Source
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.tray import Tray
+from slosh_motion.recorded.inputs import STAMP, stamps_of
+from slosh_motion.recorded.settings import first, tray_of
+from slosh_motion.recorded.sources import COMPARISON as COMPARISON_TYPE
 from slosh_msgs_py.topics import COMPARISON, of_container
 from slosh_replay.recorded_run import RecordedRun
-from slosh_replay.recording.inputs import STAMP, stamps_of
-from slosh_replay.recording.settings import first, tray_of
-from slosh_replay.recording.sources import COMPARISON as COMPARISON_TYPE
 from slosh_replay.replay.report import report_start, shown_models
 from slosh_replay.replay.result import ReplayResult
 from slosh_report.run_report import RunReport

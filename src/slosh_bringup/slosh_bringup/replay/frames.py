@@ -18,8 +18,8 @@ from slosh_camera.detection.drawing import draw_measurement
 from slosh_camera.detection.learnt import learnt_detector
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.calibration import AnyCalibration
+from slosh_motion.recorded import settings
 from slosh_replay.recorded_run import RecordedRun
-from slosh_replay.recording import settings
 from slosh_replay.replay.report import report_start, shown_models
 from slosh_replay.replay.result import ReplayResult
 from slosh_report.run_report import Frame, TopicRow

@@ -13,10 +13,9 @@ from slosh_base.files import write_text
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.replay.containers import further_containers
 from slosh_bringup.replay.frames import bag_pictures, bag_topics
+from slosh_motion.recorded.sources import CellTopics, event_lines
 from slosh_replay.in_force import described, in_force, last_starts, parameter_changes
 from slosh_replay.recorded_run import RecordedRun
-from slosh_replay.recording.facts import event_lines
-from slosh_replay.recording.sources import CellTopics
 from slosh_replay.replay import ReplayResult
 from slosh_replay.replay.checking import CheckedReplay
 from slosh_replay.replay.report import (

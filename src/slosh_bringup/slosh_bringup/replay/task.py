@@ -22,11 +22,11 @@ from slosh_base.files.file_state import state_of
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.finished_work import FinishedWork
 from slosh_bringup.replay.by_journal import checked_by_journal
-from slosh_estimator.inputs import WantedInput
 from slosh_model.model_text import read_model
+from slosh_motion.inputs.inputs import WantedInput
+from slosh_motion.recorded.sources import event_lines
 from slosh_replay.manifest import Expectation
 from slosh_replay.recorded_run import RecordedRun
-from slosh_replay.recording.facts import event_lines
 from slosh_replay.replay import ReplayResult, replay_bag
 from slosh_replay.replay.checking import (
     CheckedReplay,

@@ -4,28 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_bringup.errors import SloshBringupError
 from slosh_estimator.validity import began_text
-from slosh_metrics.input_checks.beginning import BEGAN
-from slosh_metrics.input_checks.table_checks import InputDoubt, motion_doubts
 from slosh_model.gaps import row_spacing, unresolved
 from slosh_model.least_wave import growth_text
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
 from slosh_model.wall import Wall, WallPlace
+from slosh_motion.checks.constancy import BEGAN
+from slosh_motion.checks.table_checks import InputDoubt, motion_doubts
+from slosh_motion.tables.motion_table import MotionTable
 from slosh_plan.doubts import rows_doubt
 from slosh_plan.limits import HeightLimits
 from slosh_plan.validity import greatest
-from slosh_tables.motion_table import MotionTable
-
-IMPOSSIBLE = 1e6
-"""No container survives such an acceleration [m/s²]: the table is refused."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,22 +214,6 @@ def _outside(model: Model, acceleration: float, jerk: float, peak: float) -> tup
 def _beside(excess: float, name: str, bound: float) -> str:
     place = "above" if excess > 0.0 else "below"
     return f"{1e3 * abs(excess):.1f} mm {place} {name} of {1e3 * bound:g} mm"
-
-
-def check_possible(path: Path, motion: MotionTable) -> None:
-    """Raises an error if a motion table has physically impossible accelerations.
-
-    Raises:
-        SloshBringupError: one does; the text names the file, the time and the value.
-    """
-    # The greatest component: a norm of 1e300 overflows.
-    greatest = np.abs(motion.acceleration).max(axis=1)
-    row = int(np.argmax(greatest))
-    if greatest[row] > IMPOSSIBLE:
-        raise SloshBringupError(
-            f"{path}: line {row + 2}: an acceleration of {greatest[row]:.3g} m/s² is not "
-            "possible; ax, ay, az must be in m/s²"
-        )
 
 
 def doubts(model: Model, motion: MotionTable) -> tuple[InputDoubt, ...]:

@@ -21,7 +21,7 @@ from slosh_bringup.watch.state import (
     Surface,
     WatchState,
 )
-from slosh_replay.recording.settings import NodeStart, model_of
+from slosh_motion.recorded.settings import NodeStart, model_of
 
 CAMERA, MODEL = "the camera", "the estimator"
 Hear = Callable[[WatchState, Any, float], None]

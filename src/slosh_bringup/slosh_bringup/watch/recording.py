@@ -19,9 +19,9 @@ from slosh_bringup.watch.picture import Camera
 from slosh_bringup.watch.state import PERIOD, WatchState
 from slosh_bringup.watch.verdict import CellVerdict
 from slosh_camera.errors import SloshCameraError
+from slosh_motion.recorded.settings import TOPIC, node_start
+from slosh_motion.recorded.sources import CellTopics
 from slosh_msgs_py import topics
-from slosh_replay.recording.settings import TOPIC, node_start
-from slosh_replay.recording.sources import CellTopics
 
 _PAGE = {row.name.lstrip("/"): row for row in topics.TOPICS if row.page}
 HEIGHTS = {

@@ -20,8 +20,8 @@ from slosh_discovery.discover.differences import (
 )
 from slosh_discovery.discover.input_series import angular_velocity
 from slosh_discovery.discover.tuning import TUNING
-from slosh_metrics.motion_spans import MOVING, TURNING
 from slosh_model.simulate import Inputs
+from slosh_motion.signals.motion_spans import MOVING, TURNING
 
 Mask = NDArray[np.bool_]
 

@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
 from slosh_discovery.discover.tuning import TUNING
-from slosh_metrics.motion_spans import motion_spans
 from slosh_model.interpolation import columns_at
 from slosh_model.simulate import Inputs
+from slosh_motion.signals.motion_spans import motion_spans
 
 
 @dataclass(frozen=True, slots=True, eq=False)

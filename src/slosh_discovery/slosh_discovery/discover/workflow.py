@@ -41,10 +41,10 @@ from slosh_discovery.discover.verdict import ChosenExplanation, judge, rejected
 from slosh_discovery.discover.where import where, worst_moments
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_discovery.sound_inputs import sound, sound_fit
-from slosh_metrics.metrics import mean_absolute_error, peak_error, rms_error
 from slosh_model.errors import SloshModelError
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
+from slosh_motion.signals.metrics import mean_absolute_error, peak_error, rms_error
 
 
 def campaign_remarks(cases: Sequence[MotionFinding]) -> tuple[str, ...]:

@@ -21,12 +21,12 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_discovery.force.record import ForceRecord
-from slosh_estimator.inputs import JOINTS, MESSAGE_TYPES, TOPIC_NAMES, WantedInput
 from slosh_model.simulate import Inputs
+from slosh_motion.inputs.inputs import JOINTS, MESSAGE_TYPES, TOPIC_NAMES, WantedInput
+from slosh_motion.tables.columns import FOUND_OUT, TableOptions
+from slosh_motion.tables.motion_table import ATTITUDE, MOTION, is_motion_table
+from slosh_motion.tables.reading import read_table
 from slosh_replay.tables.bag_table import NO_HEIGHTS, TableSettings, read_bag_table
-from slosh_tables.motion_table import ATTITUDE, MOTION, is_motion_table
-from slosh_tables.text_table.options import FOUND_OUT, TableOptions
-from slosh_tables.text_table.reading import read_table
 
 FORCE = ("fx", "fy", "fz")
 WRENCHES = (

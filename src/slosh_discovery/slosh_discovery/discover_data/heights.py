@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_metrics.alignment import find_spikes, spike_limit
+from slosh_motion.signals.alignment import find_spikes, spike_limit
 
 SPIKE_NOISES = 6.0
 """A sample that stands out by less than so many standard deviations of the noise is noise."""

@@ -29,17 +29,21 @@ from slosh_discovery.discover_data.recording import (
 from slosh_discovery.discover_data.splitting import Part, split
 from slosh_discovery.discover_data.unrelated import unrelated_motion
 from slosh_discovery.errors import SloshDiscoveryError
-from slosh_metrics.input_checks.table_checks import InputDoubt, motion_doubts
-from slosh_metrics.surface_metrics import line_slopes
 from slosh_model.errors import SloshModelError
 from slosh_model.gaps import gap_text
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
-from slosh_replay.recording.facts import TABLE_COLUMNS, clocks_unrelated
+from slosh_motion.checks.table_checks import InputDoubt, motion_doubts
+from slosh_motion.recorded.sources import TABLE_COLUMNS, clocks_unrelated
+from slosh_motion.signals.metrics import line_slopes
+from slosh_motion.tables.columns import FOUND_OUT, TableOptions, check_span
+from slosh_motion.tables.motion_table import (
+    SUFFIXES,
+    MotionTable,
+    is_motion_table,
+    read_motion_table,
+)
 from slosh_replay.tables.bag_table import TableSettings, read_bag_table
-from slosh_tables.motion_table import SUFFIXES, MotionTable, is_motion_table, read_motion_table
-from slosh_tables.text_table.options import FOUND_OUT, TableOptions
-from slosh_tables.text_table.units import check_span
 
 NAN = float("nan")
 

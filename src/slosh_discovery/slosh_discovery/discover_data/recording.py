@@ -27,14 +27,14 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader, TopicInfo
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
-from slosh_estimator.inputs import IMU, MESSAGE_TYPES, POSE, InputSettings
-from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.interpolation import columns_at
+from slosh_motion.checks.table_checks import InputDoubt
+from slosh_motion.inputs.inputs import IMU, MESSAGE_TYPES, POSE, InputSettings
+from slosh_motion.recorded.input_blocks import InputBlocks, by_chunk, reading
+from slosh_motion.recorded.inputs import STAMP, stamps_of
+from slosh_motion.recorded.motion import FRAME, AttitudeCollector, MotionCollector, RecordedMotion
+from slosh_motion.recorded.sources import Sources, find_sources
 from slosh_replay.recording.heights import HeightCollector, Measurements
-from slosh_replay.recording.input_blocks import InputBlocks, by_chunk, reading
-from slosh_replay.recording.inputs import STAMP, stamps_of
-from slosh_replay.recording.motion import FRAME, AttitudeCollector, MotionCollector, RecordedMotion
-from slosh_replay.recording.sources import Sources, find_sources
 
 Stamps = NDArray[np.int64]
 Columns = Mapping[str, NDArray[Any]]

@@ -17,9 +17,9 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
 from slosh_discovery.discover_data.heights import Still, find_still, rms_about
 from slosh_discovery.discover_data.recording import BagRecording, Heights
-from slosh_metrics.input_checks.constancy import BIN_NS
-from slosh_metrics.motion_spans import MotionSpan, motion_spans
-from slosh_replay.recording.motion import RecordedMotion
+from slosh_motion.checks.constancy import BIN_NS
+from slosh_motion.recorded.motion import RecordedMotion
+from slosh_motion.signals.motion_spans import MotionSpan, motion_spans
 
 Stamps = NDArray[np.int64]
 

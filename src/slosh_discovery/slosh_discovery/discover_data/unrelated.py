@@ -19,13 +19,18 @@ from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.discover_data.recording import BagRecording, Tell
 from slosh_discovery.discover_data.splitting import DWELL_NS, recorded_spans
 from slosh_discovery.errors import SloshDiscoveryError
-from slosh_metrics.alignment import despike, estimate_clock_offset, find_still_level, onset_offset
 from slosh_model.constants import GRAVITY
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
-from slosh_replay.recording.facts import noted_container
-from slosh_replay.recording.motion import RecordedMotion
+from slosh_motion.recorded.motion import RecordedMotion
+from slosh_motion.recorded.sources import noted_container
+from slosh_motion.signals.alignment import (
+    despike,
+    estimate_clock_offset,
+    find_still_level,
+    onset_offset,
+)
 from slosh_report.errors import SloshReportError
 
 SEARCH = 2.0

@@ -18,11 +18,11 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.identify.trials import operating_speed, rise_span
 from slosh_estimator.estimator import Estimator
-from slosh_estimator.sample import Samples
-from slosh_metrics.surface_metrics import line_approximation_error
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs
+from slosh_motion.inputs.sampling import Samples
+from slosh_motion.signals.metrics import line_approximation_error
 
 TOLERANCE = 0.0005
 """TM20's tolerable ε̄ [m]."""

@@ -36,12 +36,17 @@ from slosh_discovery.identify.trials import OperatingPoint, Trial, make_trials, 
 from slosh_discovery.identify.tuning import TUNING
 from slosh_discovery.identify.validity import TOLERANCE, LineLimit, limited, line_limit
 from slosh_discovery.sound_inputs import sound, sound_fit
-from slosh_metrics.metrics import mean_absolute_error, peak_error
-from slosh_metrics.surface_metrics import effective_difference, effective_height, line_slopes
 from slosh_model.constants import GRAVITY
 from slosh_model.covariance import covariance_of
 from slosh_model.model import Model
 from slosh_model.parameters import DAMPING, FREQUENCY
+from slosh_motion.signals.metrics import (
+    effective_difference,
+    effective_height,
+    line_slopes,
+    mean_absolute_error,
+    peak_error,
+)
 
 DAMPINGS = (1.0, 3.0, 8.0)
 """In units of the model's."""

@@ -11,11 +11,11 @@ from rclpy.node import Node
 from slosh_estimator.azimuth import Surfaces, measured_waves
 from slosh_estimator.comparison import Comparison, EstimatePoint, MeasuredPoint
 from slosh_estimator.container_monitor import ContainerMonitor
-from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.nodes.monitor_health import MonitorHealth
 from slosh_model.tray import Tray
+from slosh_motion.errors import SloshMotionError
 from slosh_msgs.msg import FreeSurface, SloshComparison, TrayEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
@@ -78,7 +78,7 @@ class ContainerCameras:
         for name in self._names:
             try:
                 self._carry(name, tray or Tray(()), stamp_ns, settings)
-            except SloshEstimatorError as error:
+            except SloshMotionError as error:
                 self._complaint = str(error)
 
     def _carry(self, name: str, tray: Tray, stamp_ns: int, settings: MonitorSettings) -> None:

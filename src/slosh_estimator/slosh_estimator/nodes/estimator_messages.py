@@ -9,10 +9,10 @@ from itertools import chain
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.estimate_kernel import MODAL
 from slosh_estimator.estimator import Estimate, ModelState
-from slosh_estimator.rotation import Vector
 from slosh_estimator.state import EstimatorState
 from slosh_estimator.tray_estimator import TrayEstimate
 from slosh_model.wall import Wall
+from slosh_motion.inputs.frames import Vector
 from slosh_msgs import msg as messages
 from slosh_msgs.msg import ExpectedReading, ModelEstimate, SloshEstimate
 

@@ -22,9 +22,24 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator import SOURCES
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.estimator import Estimate, Estimator
-from slosh_estimator.gate import DROPPED, GateSettings
 from slosh_estimator.held_container import EMPTY, FRESH, TRAY_PLACE, HeldContainer
-from slosh_estimator.inputs import (
+from slosh_estimator.nodes.container_changes import ContainerChanges
+from slosh_estimator.nodes.estimator_messages import fill, fill_reading, fill_tray
+from slosh_estimator.nodes.input_health import InputHealth, fault_facts, rate_facts
+from slosh_estimator.nodes.input_subscription import InputSubscription
+from slosh_estimator.nodes.observer_output import ObserverOutput
+from slosh_estimator.nodes.requested_model import requested_model
+from slosh_estimator.nodes.second_source import AUTO, CHOICES, SecondSource
+from slosh_estimator.nodes.state_publisher import StatePublisher
+from slosh_estimator.readings import has_readings
+from slosh_estimator.tray_estimator import TrayEstimator
+from slosh_estimator.tuning import TUNING
+from slosh_estimator.validity import EstimateFlag, attitude_warning, began_text
+from slosh_model.model import Model
+from slosh_model.model_text import format_model
+from slosh_model.tray import TRAY, Tray, format_tray, read_tray
+from slosh_motion.inputs.gate import DROPPED, GateSettings
+from slosh_motion.inputs.inputs import (
     ADDED,
     BY_POSE,
     BY_TWIST,
@@ -39,24 +54,8 @@ from slosh_estimator.inputs import (
     AnyInput,
     InputSettings,
 )
-from slosh_estimator.nodes.container_changes import ContainerChanges
-from slosh_estimator.nodes.estimator_messages import fill, fill_reading, fill_tray
-from slosh_estimator.nodes.input_health import InputHealth, fault_facts, rate_facts
-from slosh_estimator.nodes.input_subscription import InputSubscription
-from slosh_estimator.nodes.observer_output import ObserverOutput
-from slosh_estimator.nodes.requested_model import requested_model
-from slosh_estimator.nodes.second_source import AUTO, CHOICES, SecondSource
-from slosh_estimator.nodes.state_publisher import StatePublisher
-from slosh_estimator.readings import has_readings
-from slosh_estimator.robot import Robot, read_urdf
-from slosh_estimator.sample import Sample
-from slosh_estimator.sampling import modes_of
-from slosh_estimator.tray_estimator import TrayEstimator
-from slosh_estimator.tuning import TUNING
-from slosh_estimator.validity import EstimateFlag, attitude_warning, began_text
-from slosh_model.model import Model
-from slosh_model.model_text import format_model
-from slosh_model.tray import TRAY, Tray, format_tray, read_tray
+from slosh_motion.inputs.robot import Robot, read_urdf
+from slosh_motion.inputs.sampling import Sample, modes_of
 from slosh_msgs.msg import EstimatorState, ExpectedReading, SloshEstimate, TrayEstimate
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
@@ -205,7 +204,7 @@ class EstimatorNode(PreparedNode):
         if self._values["observer"]:
             load_telling(progress, "slosh_estimator.observer.observer_kernel")
         if self._kind in WINDOWED:
-            load_telling(progress, "slosh_estimator.pose_input")
+            load_telling(progress, "slosh_motion.inputs.pose_input")
         if self._kind == JOINTS:
             self._await_the_robot()
         at_rest = self._values["starts_at_rest"]

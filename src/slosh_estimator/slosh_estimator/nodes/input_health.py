@@ -5,12 +5,12 @@ from __future__ import annotations
 from rclpy.node import Node
 
 from slosh_base.files.nanoseconds import SECOND
-from slosh_estimator.gate import DROPPED, SampleGate, SampleVerdict
-from slosh_estimator.inputs import AnyInput
-from slosh_estimator.pose_input import PoseInput
-from slosh_estimator.sampling import gap_sentence
-from slosh_metrics.input_checks.input_faults import FaultKind
-from slosh_metrics.input_checks.message_checks import UNSTAMPED_REMEDY
+from slosh_motion.checks.input_faults import FaultKind
+from slosh_motion.checks.message_checks import UNSTAMPED_REMEDY
+from slosh_motion.inputs.gate import DROPPED, SampleGate, SampleVerdict
+from slosh_motion.inputs.inputs import AnyInput
+from slosh_motion.inputs.pose_input import PoseInput
+from slosh_motion.inputs.sampling import gap_sentence
 from slosh_msgs_py.node.diagnostics import ERROR, STALE, WARN, Health
 from slosh_msgs_py.node.silence import SilentTopic
 

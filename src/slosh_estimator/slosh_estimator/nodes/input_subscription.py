@@ -7,12 +7,13 @@ from functools import partial
 from typing import Any, Final
 
 from slosh_base.files.nanoseconds import SECOND
-from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.fixed_frames import FixedFrames
-from slosh_estimator.gate import SampleVerdict
-from slosh_estimator.imu_input import ImuInput
-from slosh_estimator.inputs import (
+from slosh_estimator.nodes.estimator_messages import imu_vectors
+from slosh_motion.checks.constant_meaning import Doubt
+from slosh_motion.errors import SloshMotionError
+from slosh_motion.inputs.frames import FixedFrames, SensorTransform, TimedPose, Transform, Vector
+from slosh_motion.inputs.gate import SampleVerdict
+from slosh_motion.inputs.inputs import (
     APART,
     CHAINED_SINCE,
     MESSAGE_TYPES,
@@ -22,17 +23,17 @@ from slosh_estimator.inputs import (
     AnyInput,
     InputSettings,
 )
-from slosh_estimator.joint_poses import JointPoses
-from slosh_estimator.mounting import SensorTransform
-from slosh_estimator.nodes.estimator_messages import imu_vectors
-from slosh_estimator.placed_accel import PlacedAccel, PlacedAcceleration
-from slosh_estimator.pose_input import PoseInput
-from slosh_estimator.rotation import Vector
-from slosh_estimator.sample import Sample
-from slosh_estimator.timed_pose import TimedPose
-from slosh_estimator.transform_poses import POSED, Transform, TransformPoses
-from slosh_estimator.velocity_input import OdometryPoses, Twist, VelocityInput
-from slosh_metrics.input_checks.constant_meaning import Doubt
+from slosh_motion.inputs.joint_poses import JointPoses
+from slosh_motion.inputs.pose_input import PoseInput
+from slosh_motion.inputs.sampling import Sample
+from slosh_motion.inputs.sensor_inputs import AccelInput, ImuInput
+from slosh_motion.inputs.transform_poses import (
+    POSED,
+    PlacedAccel,
+    PlacedAcceleration,
+    TransformPoses,
+)
+from slosh_motion.inputs.velocity_input import OdometryPoses, Twist, VelocityInput
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import find_type
 from slosh_msgs_py.node.guarded import GuardedNode
@@ -123,7 +124,7 @@ class InputSubscription:
         """Subscribes to fixed transforms, if their message package is installed."""
         try:
             kind = message_class(TF_TYPE)
-        except SloshEstimatorError:
+        except SloshMotionError:
             self._decided = True
             return
         self._node.create_subscription(kind, topics.TF_STATIC, self._on_fixed, qos.EVENT)

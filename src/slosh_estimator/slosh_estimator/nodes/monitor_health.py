@@ -8,7 +8,7 @@ from rclpy.node import Node
 
 from slosh_estimator.comparison import Condition
 from slosh_estimator.monitor import Monitor
-from slosh_estimator.sampling import TOO_SLOW
+from slosh_motion.inputs.sampling import TOO_SLOW
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, Health
 from slosh_msgs_py.node.rivals import Rivals

@@ -249,9 +249,7 @@ class MonitorNode(GuardedNode):
 
     def _on_check(self) -> None:
         self._core.standstill = (
-            self._clock_watch.look(self.steady_ns(), self.now_ns())
-            if self.get_clock().ros_time_is_active
-            else ""
+            self._clock_watch.look(self.steady_ns(), self.now_ns()) if self.is_simulated else ""
         )
         self._publish(self._core.check(self._arrival()))
         self._cameras.check()
@@ -269,7 +267,7 @@ class MonitorNode(GuardedNode):
 
         By that a slow simulation is no more silent than a fast one.
         """
-        return self.now_ns() if self.get_clock().ros_time_is_active else self.steady_ns()
+        return self.now_ns() if self.is_simulated else self.steady_ns()
 
     def _publish(self, comparisons: list[Comparison]) -> None:
         for comparison in comparisons:

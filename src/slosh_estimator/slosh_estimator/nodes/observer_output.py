@@ -18,10 +18,10 @@ from slosh_estimator.observer.calm import CalmReason, CalmState, CalmWatch, calm
 from slosh_estimator.observer.observer import Observer
 from slosh_estimator.observer.states import FusedState, ObserverState, Outcome, fused_fields
 from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
-from slosh_estimator.sample import Sample
 from slosh_estimator.tuning import TUNING
 from slosh_model.model import Model
 from slosh_model.wall import Wall
+from slosh_motion.inputs.sampling import Sample
 from slosh_msgs.action import WaitUntilCalm
 from slosh_msgs.msg import Calm, FreeSurface, FusedEstimate
 from slosh_msgs.msg import ObserverState as ObserverStateMessage

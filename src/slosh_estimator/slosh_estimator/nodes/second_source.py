@@ -7,8 +7,10 @@ from typing import Any
 
 from std_msgs.msg import String
 
-from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.inputs import (
+from slosh_estimator.nodes.input_subscription import InputSubscription
+from slosh_motion.errors import SloshMotionError
+from slosh_motion.inputs.frames import SensorTransform, Vector
+from slosh_motion.inputs.inputs import (
     ACCEL,
     IMU,
     JOINTS,
@@ -18,13 +20,10 @@ from slosh_estimator.inputs import (
     TRANSFORMS,
     InputSettings,
 )
-from slosh_estimator.mounting import SensorTransform
-from slosh_estimator.nodes.input_subscription import InputSubscription
-from slosh_estimator.robot import HOW_TO_GET, available
-from slosh_estimator.rotation import Vector
-from slosh_estimator.sample import Sample
-from slosh_metrics.mounting.verdict import MountingVerdict
-from slosh_metrics.mounting.watch import MountingWatch
+from slosh_motion.inputs.robot import HOW_TO_GET, available
+from slosh_motion.inputs.sampling import Sample
+from slosh_motion.mounting.verdict import MountingVerdict
+from slosh_motion.mounting.watch import MountingWatch
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.guarded import GuardedNode
 
@@ -159,7 +158,7 @@ class SecondSource:
                     self._moved if self._senses else _nothing, self._mounted,
                     None if self._senses else self.told,
                 )  # fmt: skip
-            except SloshEstimatorError as error:
+            except SloshMotionError as error:
                 self._refusals[kind] = str(error)
                 self._candidates.remove(kind)
                 return

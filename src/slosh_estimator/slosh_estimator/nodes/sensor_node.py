@@ -21,6 +21,7 @@ from slosh_estimator.sensed.level import LevelPlace, strange_height, wall_factor
 from slosh_estimator.sensed.payload import LONGEST, Payload, parse_payload
 from slosh_estimator.sensed.surface import level_fields, wave_fields
 from slosh_model.model import Model
+from slosh_motion.errors import SloshMotionError
 from slosh_msgs.msg import FreeSurface, NodeSettings, SloshEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
@@ -155,7 +156,7 @@ class SensorNode(GuardedNode):
         place = LevelPlace(math.atan2(y, x), math.hypot(x, y))
         try:
             factor = wall_factor(self._model, place)
-        except SloshEstimatorError as error:
+        except SloshMotionError as error:
             self._failure = str(error)
             return
         self._failure = strange_height(height, self._model)

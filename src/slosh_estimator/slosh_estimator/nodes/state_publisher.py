@@ -6,9 +6,9 @@ from rclpy.node import Node
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.estimator import Estimator
-from slosh_estimator.inputs import AnyInput
 from slosh_estimator.nodes.estimator_messages import fill_state
 from slosh_estimator.state import EstimatorState
+from slosh_motion.inputs.inputs import AnyInput
 from slosh_msgs import msg as messages
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds, to_time

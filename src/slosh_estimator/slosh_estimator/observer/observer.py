@@ -22,14 +22,14 @@ from slosh_estimator.observer import (
 )  # its checks belong to the compiled functions
 from slosh_estimator.observer.envelope_bounds import Envelope, EnvelopeBounds
 from slosh_estimator.observer.states import FusedState, ObserverState, Outcome, WallHeights
-from slosh_estimator.sample import Sample
 from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag
-from slosh_metrics.motion_spans import MotionFinder
 from slosh_model.indices import POSE_COUNT
 from slosh_model.layout import back_to_rest, divided
 from slosh_model.model import Model
 from slosh_model.simulate import store_of
+from slosh_motion.inputs.sampling import Sample
+from slosh_motion.signals.motion_spans import MotionFinder
 
 _RESTARTS = int(EstimateFlag.AFTER_GAP | EstimateFlag.DIVERGED)
 _SETTLING = int(EstimateFlag.SETTLING)

@@ -21,6 +21,7 @@ from slosh_estimator.sensed.payload import UNITS, Payload
 from slosh_estimator.tuning import TUNING
 from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.model import Model
+from slosh_motion.tuning import TUNING as INPUTS
 
 
 class Motion(NamedTuple):
@@ -125,7 +126,7 @@ class ForceSurface:
 
     def _restarted_if_set_back(self, stamp_ns: int, newest_ns: int) -> list[SensedWave]:
         """Clears all data if a stamp shows that the clock was set back."""
-        if newest_ns - stamp_ns > TUNING.set_back_ns:
+        if newest_ns - stamp_ns > INPUTS.set_back_ns:
             self._forces.clear()
             self._motions.clear()
             self._newest_force_ns = self._newest_motion_ns = -(2**62)

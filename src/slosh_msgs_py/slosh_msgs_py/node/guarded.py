@@ -144,6 +144,11 @@ class GuardedNode(Node):
         """
         return ask() if self.journal is None else self.journal.noted(question, ask)
 
+    @property
+    def is_simulated(self) -> bool:
+        """Whether the node's time is a simulated one."""
+        return bool(self.noted("simulated", lambda: self.get_clock().ros_time_is_active))
+
     def get_publishers_info_by_topic(self, topic_name: str, **options: Any) -> list[Any]:
         """Returns what is known of each publisher of a topic."""
         ask = partial(super().get_publishers_info_by_topic, topic_name, **options)

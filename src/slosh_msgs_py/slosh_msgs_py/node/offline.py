@@ -44,7 +44,6 @@ class Place(NamedTuple):
         namespace: of the cell, with a slash in front.
         parameters: values by name at the node's start.
         topics: full names by those that the node's code has, where they were remapped.
-        simulated: whether the node's time is a simulated one.
         give: receives what the node publishes.
         publishes: is told the full name of each topic on which it does.
     """
@@ -52,7 +51,6 @@ class Place(NamedTuple):
     namespace: str
     parameters: Mapping[str, Any]
     topics: Mapping[str, str]
-    simulated: bool
     give: Given
     publishes: Callable[[str], None]
 
@@ -163,11 +161,10 @@ class OfflineNode(Node):
         """Returns the clock of what is being used."""
         notes: Any = getattr(self, "journal", None)
         now_ns = 0 if notes is None else notes.now_ns
-        simulated = self.place.simulated
         return SimpleNamespace(
             now=lambda: SimpleNamespace(nanoseconds=now_ns, to_msg=lambda: _stamp(now_ns)),
-            ros_time_is_active=simulated,
-            handle=SimpleNamespace(get_ros_time_override_is_enabled=lambda: simulated),
+            ros_time_is_active=False,
+            handle=SimpleNamespace(get_ros_time_override_is_enabled=lambda: False),
         )
 
     def declare_parameter(self, name: str, value: Any = None, *_: Any, **__: Any) -> Parameter:

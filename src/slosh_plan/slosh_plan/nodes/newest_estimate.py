@@ -10,9 +10,10 @@ from rclpy.node import Node
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.sampling import TOO_SLOW
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.tray import Tray
+from slosh_motion.errors import SloshMotionError
+from slosh_motion.inputs.sampling import TOO_SLOW
 from slosh_msgs.msg import FusedEstimate, ModelEstimate, SloshEstimate, TrayEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds
@@ -99,7 +100,7 @@ class NewestEstimate:
                 continue
             try:
                 _check_flags(flags)
-            except SloshEstimatorError as error:
+            except SloshMotionError as error:
                 raise SloshEstimatorError(f"container {one.name}: {error}") from None
             found[one.name] = LiquidState(*state)
         return found

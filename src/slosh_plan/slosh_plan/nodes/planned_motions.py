@@ -11,6 +11,7 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_model.tilt import added_text, attitude_of
 from slosh_model.tray import Tray
+from slosh_motion.errors import SloshMotionError
 from slosh_msgs.msg import MotionPrediction, PredictionOutcome
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
@@ -152,7 +153,7 @@ class PlannedMotions:
         """Returns the liquid's state; if unknown, None (taken as at rest) and the reason."""
         try:
             return self._estimate.state_for(tray), ""
-        except SloshEstimatorError as error:
+        except SloshMotionError as error:
             return None, f"; predicted from rest: {error}"
 
     def _message(

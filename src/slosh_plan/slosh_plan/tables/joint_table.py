@@ -12,13 +12,13 @@ import numpy as np
 
 from slosh_base.files import new_text
 from slosh_base.files.errors import SloshFileError
+from slosh_motion.tables.columns import FOUND_OUT, TableOptions
+from slosh_motion.tables.reading import TextTable, read_table
 from slosh_plan.joints import Arm
 from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.planning.waypoints import JointWaypoints
 from slosh_plan.trajectory import Trajectory
 from slosh_plan.tuning import TUNING
-from slosh_tables.text_table.options import FOUND_OUT, TableOptions
-from slosh_tables.text_table.reading import TextTable, read_table
 
 DERIVATIVES = (".velocity", ".acceleration")
 """Endings of the columns that hold a joint's derivatives."""

@@ -10,13 +10,13 @@ import numpy as np
 from slosh_base.files import new_text
 from slosh_base.files.errors import SloshFileError
 from slosh_base.types import Array
+from slosh_motion.tables.columns import FOUND_OUT, TableOptions
+from slosh_motion.tables.motion_table import ATTITUDE, CHOOSE, MOTION, POSITION
+from slosh_motion.tables.reading import TextTable, read_table
 from slosh_plan.planning.checked import attitudes
 from slosh_plan.planning.path import MOST_POINTS
 from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.planning.waypoints import TURNED, Waypoints
-from slosh_tables.motion_table import ATTITUDE, CHOOSE, MOTION, POSITION
-from slosh_tables.text_table.options import FOUND_OUT, TableOptions
-from slosh_tables.text_table.reading import TextTable, read_table
 
 PLACES = ("t", *POSITION)
 ACCELERATION = MOTION[1:]

@@ -10,11 +10,19 @@ from __future__ import annotations
 from pathlib import Path
 
 from slosh_base.files.errors import SloshFileError
+from slosh_motion.tables.columns import FOUND_OUT, TableOptions
+from slosh_motion.tables.motion_table import (
+    ANGULAR_VELOCITY,
+    ATTITUDE,
+    CHOOSE,
+    ETA,
+    MOTION,
+    MSH,
+    PROFILE,
+)
+from slosh_motion.tables.reading import read_table
 from slosh_plan import Trajectory
 from slosh_plan.consistency import check_consistent
-from slosh_tables.motion_table import ANGULAR_VELOCITY, ATTITUDE, CHOOSE, ETA, MOTION, MSH, PROFILE
-from slosh_tables.text_table.options import FOUND_OUT, TableOptions
-from slosh_tables.text_table.reading import read_table
 
 ACCELERATION = MOTION[1:]
 POSITION = ("x", "y", "z")

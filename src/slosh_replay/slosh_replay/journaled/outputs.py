@@ -13,9 +13,9 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagMessage, BagReader
 from slosh_estimator.validity import EstimateFlag
+from slosh_motion.recorded.inputs import stamps_of
 from slosh_msgs_py import topics
 from slosh_msgs_py.journal_format import whole_words
-from slosh_replay.recording.inputs import stamps_of
 from slosh_replay.replay.verification import Messages, Tally
 
 _TYPES = {row.name: row.type for row in topics.TOPICS}

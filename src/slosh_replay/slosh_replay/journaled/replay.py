@@ -18,11 +18,12 @@ from slosh_bag.reader import BagMessage, BagReader
 from slosh_base.addons import add_ons
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.held_container import EMPTY
-from slosh_estimator.inputs import CHAINED_SINCE, PLACED, ROBOT
 from slosh_estimator.nodes.estimator_node import EstimatorNode
 from slosh_estimator.nodes.monitor_node import MonitorNode
 from slosh_estimator.nodes.sensor_node import PAYLOAD, SensorNode
 from slosh_model.tray import TRAY
+from slosh_motion.inputs.inputs import CHAINED_SINCE, PLACED, ROBOT
+from slosh_motion.recorded.settings import NodeStart, last_of_each, read_starts
 from slosh_msgs.msg import Calm, EstimatorState, ObserverState
 from slosh_msgs_py import topics
 from slosh_msgs_py.journal_format import begun_ns
@@ -31,7 +32,6 @@ from slosh_msgs_py.node.offline import Place
 from slosh_replay.journaled.outputs import UNTAKEN, ComparedOutput, Recorded
 from slosh_replay.journaled.process import LONG_AGO, Process, State
 from slosh_replay.journaled.taken import ProcessNotes, RecentMessages
-from slosh_replay.recording.settings import NodeStart, last_of_each, read_starts
 from slosh_replay.replay.verification import Tally, Verification
 
 
@@ -283,8 +283,7 @@ class _Replay:
         folder = self._folder / str(len(self._processes))
         parameters = {**start.parameters, **_files(folder, start, row)}
         place = Place(
-            self._cell, parameters, start.topics, simulated=False, give=process.give,
-            publishes=process.publishes,
+            self._cell, parameters, start.topics, give=process.give, publishes=process.publishes
         )  # fmt: skip
         process.create(row.node, row.arguments, place)
         if journal.first:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from slosh_base.types import Array, Integers
 from slosh_estimator.azimuth import Surfaces, measured_waves
 from slosh_estimator.sight import SATURATED, UNUSABLE
-from slosh_replay.recording.inputs import STAMP, stamps_of
+from slosh_motion.recorded.inputs import STAMP, stamps_of
 
 Mask = NDArray[np.bool_]
 Columns = Mapping[str, NDArray[Any]]

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from slosh_base.types import Array
 from slosh_estimator.sight import judged
-from slosh_metrics.alignment import ClockOffset, find_spikes, spike_limit
-from slosh_metrics.metrics import RunningAccuracy
+from slosh_motion.signals.alignment import ClockOffset, find_spikes, spike_limit
+from slosh_motion.signals.metrics import RunningAccuracy
 from slosh_replay.replay.result import ModelAccuracy, MotionAccuracy
 from slosh_replay.replay.series import Series
 

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from slosh_base.types import Array, Integers
 from slosh_estimator.estimator import Estimates, Estimator
-from slosh_estimator.sample import Samples
 from slosh_estimator.sight import UNSOUND
 from slosh_estimator.state import EstimatorState
 from slosh_model.model import Model
+from slosh_motion.inputs.sampling import Samples
 
 _MSH, _AZIMUTH = 0, 1
 T = TypeVar("T")

@@ -19,12 +19,27 @@ from slosh_base.compiled.compile_cache import sources_digest
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator import SOURCES
 from slosh_estimator.held_container import empty_and_fresh
-from slosh_estimator.inputs import WINDOWED, InputSettings, WantedInput
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.validity import EstimateFlag, attitude_warning
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.tilt import added_text, attitude_of, ignored_text, with_tilt
+from slosh_motion.inputs.inputs import WINDOWED, InputSettings, WantedInput
+from slosh_motion.recorded import settings
+from slosh_motion.recorded.input_blocks import InputBlocks, by_chunk, reading
+from slosh_motion.recorded.inputs import STAMP, InputReader, stamps_of
+from slosh_motion.recorded.settings import NodeStart, TakenInputs
+from slosh_motion.recorded.sources import (
+    TABLE_COLUMNS,
+    TABLE_ORIGIN,
+    TRAY,
+    Sources,
+    clocks_unrelated,
+    find_sources,
+    lost_messages,
+    noted_container,
+    shared_topics_line,
+)
 from slosh_msgs_py.topics import (
     CALM,
     COMPARISON,
@@ -34,22 +49,8 @@ from slosh_msgs_py.topics import (
     TRAY_ESTIMATE,
 )
 from slosh_replay.recorded_run import RecordedRun
-from slosh_replay.recording import settings
-from slosh_replay.recording.facts import (
-    TABLE_COLUMNS,
-    TABLE_ORIGIN,
-    clocks_unrelated,
-    lost_messages,
-    noted_container,
-    shared_topics_line,
-)
 from slosh_replay.recording.heights import WAVE_FIELDS, measurements
-from slosh_replay.recording.input_blocks import InputBlocks, by_chunk, reading
-from slosh_replay.recording.inputs import STAMP, InputReader, stamps_of
-from slosh_replay.recording.settings import NodeStart
-from slosh_replay.recording.sources import TRAY, Sources, find_sources
 from slosh_replay.recording.states import RecordedState, states_of
-from slosh_replay.recording.taken_inputs import TakenInputs
 from slosh_replay.replay.conclusion import Origin, conclude
 from slosh_replay.replay.replay_table import replay_table
 from slosh_replay.replay.result import ReplayResult

@@ -12,21 +12,21 @@ from numpy.typing import NDArray
 from slosh_bag.errors import SloshBagError
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array, Integers
-from slosh_estimator.gate import GateSettings
-from slosh_estimator.inputs import InputSettings
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_estimator.sample import Samples
-from slosh_metrics.input_checks.table_checks import InputDoubt, motion_doubts
 from slosh_model.model import Model
 from slosh_model.pose import pose_rows
+from slosh_motion.checks.table_checks import InputDoubt, motion_doubts
+from slosh_motion.inputs.gate import GateSettings
+from slosh_motion.inputs.inputs import InputSettings
+from slosh_motion.inputs.sampling import Samples
+from slosh_motion.recorded.inputs import InputReader
+from slosh_motion.tables.motion_table import MotionTable
 from slosh_replay.recording.heights import Measurements
-from slosh_replay.recording.inputs import InputReader
 from slosh_replay.replay.conclusion import conclude
 from slosh_replay.replay.result import ReplayResult
 from slosh_replay.replay.series import Series
 from slosh_replay.replay.setting import Outputs, Setting
 from slosh_replay.replay.stream import ReplayStream
-from slosh_tables.motion_table import MotionTable
 
 _LONGEST_STEP = 3600.0
 """A table's rows belong together, however far apart they are [s]."""

@@ -10,14 +10,14 @@ from typing import Final
 import numpy as np
 
 from slosh_base.types import Integers
-from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.held_container import changed_place, empty_and_fresh
-from slosh_estimator.inputs import InputSettings
-from slosh_estimator.sampling import modes_of
 from slosh_estimator.tray_estimator import TrayEstimator
 from slosh_model.tray import Tray
-from slosh_replay.recording.inputs import LACKING, LOGGED, settings_of_start
-from slosh_replay.recording.settings import NodeStart, model_of, starts_at_rest, tray_of
+from slosh_motion.errors import SloshMotionError
+from slosh_motion.inputs.inputs import InputSettings
+from slosh_motion.inputs.sampling import modes_of
+from slosh_motion.recorded.inputs import LACKING, LOGGED, settings_of_start
+from slosh_motion.recorded.settings import NodeStart, model_of, starts_at_rest, tray_of
 from slosh_replay.recording.states import RecordedState
 from slosh_replay.replay.model_set import ModelHeights, ModelSet
 from slosh_replay.replay.setting import Setting
@@ -159,7 +159,7 @@ class ReplayedEstimator:
         try:
             self.models.take_up(state.estimator)
             self.setting.reader.take_up(state.stamp_ns, state.memory)
-        except SloshEstimatorError as error:
+        except SloshMotionError as error:
             self.untaken = str(error)
         estimates, _ = self._verifiers
         if estimates is not None:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from slosh_base.types import Array
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_metrics.alignment import ClockOffset, StillLevel
 from slosh_model.for_notebooks import Shown, height_axes, table
 from slosh_model.model import Model
+from slosh_motion.signals.alignment import ClockOffset, StillLevel
 from slosh_msgs_py.topics import COMPARISON, ESTIMATE
 from slosh_replay.replay.verification import Verification
 from slosh_report.json_values import plain

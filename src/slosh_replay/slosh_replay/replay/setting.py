@@ -13,9 +13,9 @@ from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.model import Model
 from slosh_model.tray import Tray
 from slosh_model.wall import Wall
+from slosh_motion.recorded.inputs import InputReader
+from slosh_motion.recorded.settings import NodeStart
 from slosh_replay.recording.heights import Measurements
-from slosh_replay.recording.inputs import InputReader
-from slosh_replay.recording.settings import NodeStart
 from slosh_replay.replay.model_set import ModelSetEstimates
 
 

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from slosh_bag.errors import SloshBagError
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Integers
-from slosh_metrics.motion_spans import MotionFinder
+from slosh_motion.recorded.inputs import stamps_of
+from slosh_motion.recorded.motion import StrayFilter
+from slosh_motion.signals.motion_spans import MotionFinder
 from slosh_msgs_py.topics import COMPARISON, ESTIMATE, TRAY_ESTIMATE
 from slosh_replay.recording.heights import Measurements
-from slosh_replay.recording.inputs import stamps_of
 from slosh_replay.recording.states import RecordedState
 from slosh_replay.replay.model_set import ModelHeights, at_images
 from slosh_replay.replay.monitor_feed import ReplayedMonitor
@@ -34,7 +35,6 @@ from slosh_replay.replay.verification import (
     comparison_columns,
     joined_messages,
 )
-from slosh_replay.strays import StrayFilter
 
 BEHIND_NS = 2_000_000_000
 """How long a measurement may come after its stamp and still take its place in the order. An input

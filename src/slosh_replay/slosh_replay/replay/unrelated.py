@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
 from slosh_base.types import Array
-from slosh_metrics.alignment import (
+from slosh_motion.signals.alignment import (
     ClockOffset,
     StillLevel,
     estimate_clock_offset,
     find_still_level,
     onset_offset,
 )
-from slosh_metrics.clock_drift import estimate_clock_drift
-from slosh_metrics.motion_spans import motion_spans
+from slosh_motion.signals.clock_drift import estimate_clock_drift
+from slosh_motion.signals.motion_spans import motion_spans
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.replay.model_set import ModelHeights
 from slosh_report.errors import SloshReportError

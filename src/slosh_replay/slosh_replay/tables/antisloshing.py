@@ -31,9 +31,14 @@ from slosh_base.files.bounded_text import bounded_text, read_text
 from slosh_base.files.errors import TextFileError
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
-from slosh_estimator.robot import LONGEST
+from slosh_motion.inputs.robot import LONGEST
+from slosh_motion.recorded.sources import (
+    CLOCKS,
+    CONTAINER_FILL_HEIGHT,
+    CONTAINER_RADIUS,
+    UNRELATED,
+)
 from slosh_msgs_py.topics import JOINT_STATES, ROBOT_DESCRIPTION
-from slosh_replay.recording.facts import CLOCKS, CONTAINER_FILL_HEIGHT, CONTAINER_RADIUS, UNRELATED
 
 RADIUS = 0.049
 FILL_HEIGHT = 0.078

@@ -31,12 +31,18 @@ from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader, TopicInfo, messages_of
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
-from slosh_estimator.inputs import IMU, InputSettings, WantedInput
-from slosh_replay.recording.facts import TABLE_COLUMNS, TABLE_ORIGIN, clocks_unrelated
+from slosh_motion.inputs.inputs import IMU, InputSettings, WantedInput
+from slosh_motion.recorded.input_blocks import InputBlocks, by_chunk, reading
+from slosh_motion.recorded.motion import AttitudeCollector, MotionCollector, RecordedMotion
+from slosh_motion.recorded.sources import (
+    TABLE_COLUMNS,
+    TABLE_ORIGIN,
+    Sources,
+    clocks_unrelated,
+    find_sources,
+)
+from slosh_motion.tables.motion_table import MSH, MotionTable, Remark, eta_azimuths
 from slosh_replay.recording.heights import HeightCollector, Measurements
-from slosh_replay.recording.input_blocks import InputBlocks, by_chunk, reading
-from slosh_replay.recording.motion import AttitudeCollector, MotionCollector, RecordedMotion
-from slosh_replay.recording.sources import Sources, find_sources
 from slosh_replay.tables.table_bag import (
     HEIGHTS,
     HEIGHTS_TYPE,
@@ -46,7 +52,6 @@ from slosh_replay.tables.table_bag import (
     WALL_POINT,
     table_times,
 )
-from slosh_tables.motion_table import MSH, MotionTable, Remark, eta_azimuths
 
 Stamps = NDArray[np.int64]
 

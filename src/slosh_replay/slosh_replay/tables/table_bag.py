@@ -30,13 +30,14 @@ from slosh_bag.errors import SloshBagError
 from slosh_base.files import new_folder
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
-from slosh_estimator.inputs import ACCEL, IMU, MESSAGE_TYPES
 from slosh_model.constants import GRAVITY
+from slosh_motion.checks.table_checks import InputDoubt, motion_doubts
+from slosh_motion.inputs.inputs import ACCEL, IMU, MESSAGE_TYPES
+from slosh_motion.recorded.motion import NOT_REPORTED
+from slosh_motion.recorded.sources import TABLE_COLUMNS, TABLE_ORIGIN
+from slosh_motion.tables.columns import FOUND_OUT, TableOptions
+from slosh_motion.tables.motion_table import MotionTable, column_names, read_motion_table
 from slosh_msgs_py.topics import NAMESPACE
-from slosh_replay.recording.facts import TABLE_COLUMNS, TABLE_ORIGIN
-from slosh_replay.recording.motion import NOT_REPORTED
-from slosh_tables.motion_table import MotionTable, column_names, read_motion_table
-from slosh_tables.text_table.options import FOUND_OUT, TableOptions
 
 Stamps = NDArray[np.int64]
 
@@ -59,11 +60,13 @@ class TableImport(NamedTuple):
         bag: the bag's folder.
         rows: rows of the table.
         rounded: rows whose time was not a whole number of nanoseconds and was rounded to one.
+        doubts: what is wrong with the motion, one sentence each.
     """
 
     bag: Path
     rows: int
     rounded: int
+    doubts: tuple[InputDoubt, ...] = ()
 
 
 Progress = Callable[[int, int], object]
@@ -133,7 +136,8 @@ def write_table_bag(
                 writer.write(f"{NAMESPACE}/{topic}", data, stamp)
             progress(row + 1, len(stamps))
     rounded = np.count_nonzero(table.t != table_times(stamps - origin_ns))
-    return TableImport(bag, len(stamps), int(rounded))
+    doubts = motion_doubts(table.t, table.acceleration, table.attitude)
+    return TableImport(bag, len(stamps), int(rounded), doubts)
 
 
 def table_stamps(path: Path, t: Array) -> tuple[int, Stamps]:

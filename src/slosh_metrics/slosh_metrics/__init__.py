@@ -1,1 +1,0 @@
-"""Metrics and checks of signals: accuracy, clock alignment, motion spans, input checks."""

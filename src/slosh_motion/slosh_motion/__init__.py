@@ -1,0 +1,12 @@
+"""Reads and writes motion tables in the formats of spreadsheets and scripts."""
+
+from typing import TYPE_CHECKING
+
+from slosh_base.files.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from slosh_motion.tables.motion_table import MotionTable, read_motion_table, write_motion_table
+
+__all__ = ["MotionTable", "read_motion_table", "write_motion_table"]
+
+__getattr__ = lazy_names(__name__, dict.fromkeys(__all__, "motion_table"))

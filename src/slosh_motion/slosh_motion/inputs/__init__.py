@@ -1,0 +1,1 @@
+"""Reads messages of each kind as samples of one motion, live and in recordings."""

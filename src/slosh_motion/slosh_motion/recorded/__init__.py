@@ -1,0 +1,1 @@
+"""Reads settings, topics and inputs of a recording; each message is decoded once, as columns."""

@@ -1,0 +1,1 @@
+"""Compares signals: errors, alignment of clocks, times of motions."""
