@@ -13,6 +13,7 @@ from slosh_estimator.state import EstimatorState
 from slosh_estimator.tray_estimator import TrayEstimate
 from slosh_model.wall import Wall
 from slosh_motion.inputs.frames import Vector
+from slosh_motion.inputs.sensor_inputs import imu_reading
 from slosh_msgs import msg as messages
 from slosh_msgs.msg import ExpectedReading, ModelEstimate, SloshEstimate
 
@@ -23,12 +24,9 @@ def imu_vectors(values: Sequence[float]) -> tuple[Vector, Vector | None]:
     Args:
         values: numbers (37,) behind its header; see `StampedReader`.
     """
-    wx, wy, wz, *covariance = values[13:25]
-    reported = covariance[0] >= 0.0 and wx == wx
-    force = (values[25], values[26], values[27])
-    if values[28] < 0.0:
-        force = (float("nan"),) * 3
-    return force, (wx, wy, wz) if reported else None
+    wx, wy, wz, rate_known = values[13:17]
+    fx, fy, fz, force_known = values[25:29]
+    return imu_reading((fx, fy, fz), (wx, wy, wz), force_known, rate_known)
 
 
 def fill(message: SloshEstimate, estimate: Estimate, wall: Wall) -> None:

@@ -130,7 +130,7 @@ class InputSubscription:
         self._node.create_subscription(kind, topics.TF_STATIC, self._on_fixed, qos.EVENT)
 
     def _on_fixed(self, message: Any) -> None:
-        links = [_transform(one) for one in message.transforms]
+        links = [Transform.of_message(one) for one in message.transforms]
         self._fixed.take(links)
         if isinstance(self.poses, TransformPoses):
             self.poses.take(links, fixed=True)
@@ -257,8 +257,7 @@ class InputSubscription:
     def _on_placing(self, message: Any) -> None:
         assert isinstance(self.poses, PlacedAccel)
         is_first = not self.poses.since_ns
-        links = map(_transform, message.transforms)
-        found = self.poses.take_transforms(links, at_ns=self._now())
+        found = self.poses.hear(message, self._now())
         if is_first and self.poses.since_ns:  # what a replay must know
             self._mounted({SINCE: self.poses.since_ns})
         self._on_placed(found)
@@ -320,18 +319,14 @@ class InputSubscription:
 
     def _on_joints(self, message: Any) -> None:
         assert isinstance(self.poses, JointPoses)
-        stamp = to_nanoseconds(message.header.stamp)
-        at_ns = self._now()
-        found = self.poses.take(stamp, message.name, message.position, message.velocity, at_ns)
-        self._on_poses(found, self._world)
+        self._on_poses(self.poses.hear(message, self._now()), self._world)
 
     def _on_transforms(self, message: Any, *, fixed: bool) -> None:
         assert isinstance(self.poses, TransformPoses)
-        links = [_transform(one) for one in message.transforms]
         if fixed:
-            self._on_poses(self.poses.take(links, fixed=True), self._world)
+            self._on_poses(self.poses.hear(message, None, fixed=True), self._world)
         else:
-            self._on_chained(self.poses, links)
+            self._on_chained(self.poses, [Transform.of_message(one) for one in message.transforms])
 
     def _on_poses(self, poses: list[TimedPose], frame: str) -> None:
         assert isinstance(self.source, PoseInput)
@@ -357,11 +352,3 @@ def message_class(name: str) -> Any:
             f"messages of {name} are not installed here; install the ROS package {package} "
             f"(apt install ros-jazzy-{package.replace('_', '-')})"
         ) from None
-
-
-def _transform(message: Any) -> Transform:
-    place, turn = message.transform.translation, message.transform.rotation
-    return Transform(
-        message.header.frame_id, message.child_frame_id, to_nanoseconds(message.header.stamp),
-        (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w),
-    )  # fmt: skip

@@ -3,6 +3,11 @@
 A vector is averaged over bins of BIN_NS. A stretch of bins is constant as long as each bin lies
 near the mean of those before it. What "near" means follows the sensor's noise, which the second
 differences of the bins tell: a motion changes smoothly and hardly shows in them.
+
+The models start from still liquid. Where the first samples move already, the wave that was there
+before is not known. Poses and velocities show the speed at their first moment: a motion that
+begins with the recording has none, however fast it starts. Accelerations show none; of them the
+first ones must be small, or be constant, as those of a tilted or biased sensor are.
 """
 
 from __future__ import annotations
@@ -40,11 +45,7 @@ class Bin(NamedTuple):
 
 
 class Bins:
-    """Averages vectors over time bins; samples may come one by one or in blocks.
-
-    Args:
-        width: numbers in a vector.
-    """
+    """Averages vectors over time bins; samples may come one by one or in blocks."""
 
     def __init__(self, width: int) -> None:
         self._number = -(2**62)
@@ -120,7 +121,6 @@ class Stretch:
         most: how far at most, whatever the noise.
 
     Attributes:
-        mean: of the stretch.
         count: its bins; 0: none has come.
     """
 
@@ -234,7 +234,6 @@ class ConstantFinder:
         """Adds a time bin; returns the constant acceleration at rest, or None if it is unknown.
 
         Args:
-            number: of the bin.
             mean: of the input [m/s²].
             felt: what moves the container, as far as it is known; None: the input [m/s²].
         """
@@ -401,12 +400,7 @@ class Beginning:
 
 
 def _line(samples: list[Vector], share: float) -> Array:
-    """Returns the value (2,) of a line through accelerations along the floor [m/s²].
-
-    Args:
-        samples: evenly spaced.
-        share: part of their time at which it is wanted.
-    """
+    """Returns the value (2,) of a line through accelerations along the floor [m/s²]."""
     values = np.array(samples)[:, :2]
     if len(values) < 4:
         found: Array = values.mean(axis=0)

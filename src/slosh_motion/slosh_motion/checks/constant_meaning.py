@@ -34,7 +34,6 @@ class Doubt(NamedTuple):
     """A suspected fault of an input, such as gravity in the acceleration or a wrong unit.
 
     Attributes:
-        text: cause and remedy in one sentence.
         wrong: whether what follows from the input is wrong; else it is only worth a look.
     """
 

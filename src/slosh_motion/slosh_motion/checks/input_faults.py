@@ -50,9 +50,7 @@ class InputFault(NamedTuple):
     """A fault in an input: kind, time span, axis and value.
 
     Attributes:
-        kind: what is wrong.
         start, end: from when to when it first is [s].
-        times: how often it occurs.
         axis: 0, 1, 2: the one that is clipped; -1: all.
         value: at which it is clipped [m/s²]; NaN: it is not.
     """
@@ -123,7 +121,6 @@ class FaultWatch:
 
     Args:
         has_gravity: whether the samples are specific forces, which rest at gravity.
-        find: finds the faults of a part.
 
     Attributes:
         faults: each kind (and each clipped axis and value) once, with how often it occurred.

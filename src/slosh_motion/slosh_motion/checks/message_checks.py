@@ -232,7 +232,6 @@ class TwistCheck:
             stamp_ns: the moment [ns].
             position: of the moving frame [m].
             turned: the velocity, from the moving frame's axes to the parent's [m/s].
-            sent: the same numbers as they were sent.
         """
         if not math.isfinite(sum(position) + sum(turned) + sum(sent)):
             return
@@ -314,8 +313,6 @@ def unstamped(stamped: int, total: int, topic: str) -> str:
 
     Args:
         stamped: messages whose stamp is not 0.
-        total: all messages.
-        topic: theirs.
     """
     if stamped or total < 2:
         return ""

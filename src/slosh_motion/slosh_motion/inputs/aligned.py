@@ -65,9 +65,6 @@ def clock_doubt(leads: Mapping[str, Lead]) -> Doubt | None:
     """Returns what the arrival of messages shows of their publishers' clocks.
 
     A message may be late, but cannot arrive before its stamp.
-
-    Args:
-        leads: of the publishers by their names.
     """
     if len(leads) < 2:
         return None
@@ -115,7 +112,6 @@ class AlignedStreams(Generic[Key]):
     """Collects several streams of timed values and returns their values at common stamps.
 
     Args:
-        mix: interpolates.
         is_complete: tells whether all streams have come.
     """
 
@@ -150,11 +146,7 @@ class AlignedStreams(Generic[Key]):
         self._leader = None
 
     def clocks(self, named: Callable[[Key], str]) -> dict[str, Lead]:
-        """Returns by how much the stamps of streams that move lie after their arrival.
-
-        Args:
-            named: names a stream.
-        """
+        """Returns by how much the stamps of streams that move lie after their arrival."""
         return {
             named(key): self._leads[key]
             for key, stream in self._streams.items()
@@ -169,9 +161,7 @@ class AlignedStreams(Generic[Key]):
         """Adds a stream's values; clears all streams if time jumps.
 
         Args:
-            key: of the stream.
             stamp_ns: of the values [ns].
-            values: that it has then.
         """
         stream = self._streams.get(key)
         if stream is None:

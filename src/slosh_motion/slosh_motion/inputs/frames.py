@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from slosh_base.files.nanoseconds import SECOND
 from slosh_motion.errors import SloshMotionError
 
 Vector = tuple[float, float, float]
@@ -73,7 +74,6 @@ class Base(NamedTuple):
     """A frame with a constant pose in the world.
 
     Attributes:
-        frame: its name.
         pose: position [m] and quaternion x, y, z, w in the world.
     """
 
@@ -114,11 +114,7 @@ class SensorTransform:
 
 
 class ToolPose:
-    """Converts poses of a tool to poses of the container that it carries.
-
-    Args:
-        transform: of the tool's frame.
-    """
+    """Converts poses of a tool to poses of the container that it carries."""
 
     def __init__(self, transform: SensorTransform) -> None:
         self._is_container = not transform.turns and not any(transform.to_origin)
@@ -181,7 +177,6 @@ def rotated(quaternion: Quaternion, vector: Vector) -> Vector:
 
     Args:
         quaternion: x, y, z, w, of any length but zero.
-        vector: in the axes that stand so.
     """
     nowhere: Vector = (0.0, 0.0, 0.0)
     return composed((nowhere, quaternion), (vector, (0.0, 0.0, 0.0, 1.0)))[0]
@@ -200,11 +195,16 @@ def sensor_from_container(transform: SensorTransform) -> Quaternion:
     )
 
 
+def stamp_of(message: Any) -> int:
+    """Returns the stamp in the header of a message of any reader [ns]."""
+    stamp = message.header.stamp
+    return int(stamp.sec) * SECOND + int(stamp.nanosec)
+
+
 class Transform(NamedTuple):
     """Transform from a child frame to its parent frame at a stamp.
 
     Attributes:
-        parent, child: names of the frames.
         stamp_ns: the moment [ns].
         position: of the child's origin in the parent [m].
         quaternion: x, y, z, w.
@@ -215,6 +215,15 @@ class Transform(NamedTuple):
     stamp_ns: int
     position: Vector
     quaternion: Quaternion
+
+    @classmethod
+    def of_message(cls, message: Any) -> Transform:
+        """Returns the transform that a TransformStamped message of any reader holds."""
+        place, turn = message.transform.translation, message.transform.rotation
+        return cls(
+            message.header.frame_id, message.child_frame_id, stamp_of(message),
+            (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w),
+        )  # fmt: skip
 
 
 Pose = tuple[Vector, Quaternion]
@@ -239,10 +248,6 @@ class FixedFrames:
 
     def pose(self, frame: str, of: str) -> Pose | None:
         """Returns the pose of one frame relative to another, or None if they are not connected.
-
-        Args:
-            frame: in which.
-            of: whose pose.
 
         Returns:
             position [m] and quaternion x, y, z, w, of length 1; None: nothing fixed connects them.

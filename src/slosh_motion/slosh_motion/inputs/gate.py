@@ -82,7 +82,6 @@ def fault_of(values: Vector, largest: float) -> SampleVerdict | None:
     """Returns what is wrong with an input vector, e.g. NaN; None if it is valid.
 
     Args:
-        values: its components.
         largest: size up to which each of them is possible, in their unit.
     """
     x, y, z = values
@@ -95,11 +94,9 @@ class SampleGate:
     """Accepts or drops input samples by their stamps and by jumps of the acceleration.
 
     Attributes:
-        counts: samples by what became of them.
         used, dropped: samples that were used, and that were not.
         interval_ns: time between the last two that were used [ns]; 0: there is none.
         gap_ns: the last time without a sample that was longer than max_gap [ns]; 0: none.
-        unit: of the stamps' fractions of a second.
     """
 
     def __init__(self, settings: GateSettings) -> None:
@@ -149,7 +146,6 @@ class SampleGate:
             stamp_ns: its stamp [ns].
             acceleration: that it tells [m/s²]; None: it tells none.
             now_ns: the time of its arrival, on the stamps' clock [ns]; None: age does not matter.
-            fault: what is wrong with what else it tells.
         """
         self.unit.take(stamp_ns)
         verdict = self._judge(stamp_ns, acceleration, now_ns, fault)

@@ -157,9 +157,6 @@ class InputSettings(NamedTuple):
         """Returns the mounting that fixed transforms give for an input frame; None if unknown.
 
         Args:
-            kind: of the input.
-            frame: of its messages.
-            fixed: frames that stand still in each other.
             moving: whether there are frames that move, in which poses or sensors may be.
 
         Returns:
@@ -224,10 +221,6 @@ class InputSettings(NamedTuple):
     def expected(self, kind: str, frame: str) -> tuple[Expected, bool]:
         """Returns a sensor's configured mounting, and whether its axes are those of the world.
 
-        Args:
-            kind: IMU or ACCEL.
-            frame: of its messages.
-
         Returns:
             and whether its axes are the world's.
         """
@@ -242,10 +235,6 @@ class InputSettings(NamedTuple):
         """Returns the model that an input drives; the only rule for live runs and replays.
 
         Where the input tells the container's attitude, gravity acts along its tilted floor.
-
-        Args:
-            kind: of the input.
-            model: as it was given.
         """
         return model.with_gravity_tilt() if kind in WINDOWED or self.placed else model
 

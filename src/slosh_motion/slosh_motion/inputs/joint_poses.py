@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_motion.checks.constant_meaning import Doubt
 from slosh_motion.inputs.aligned import AlignedStreams, Values, clock_doubt
-from slosh_motion.inputs.frames import TimedPose
+from slosh_motion.inputs.frames import TimedPose, stamp_of
 from slosh_motion.inputs.robot import Robot
 from slosh_motion.inputs.sampling import SECONDS_PER_NS
 from slosh_motion.tuning import TUNING
@@ -25,9 +26,6 @@ _Layout = tuple[tuple[str, ...], tuple[int, ...]]
 
 class JointPoses:
     """Converts joint states to poses of the container.
-
-    Args:
-        robot: that carries the container.
 
     Attributes:
         velocities: whether those of the messages agree with the positions.
@@ -45,6 +43,11 @@ class JointPoses:
         self._wrong = self._twice = ""
         self._unusable = self._first_ns = 0
         self.velocities = JointVelocities()
+
+    def hear(self, message: Any, at_ns: int) -> list[TimedPose]:
+        """Adds a JointState message of any reader; see `take`."""
+        positions, velocities = message.position.tolist(), message.velocity.tolist()
+        return self.take(stamp_of(message), message.name, positions, velocities, at_ns)
 
     def take(
         self,

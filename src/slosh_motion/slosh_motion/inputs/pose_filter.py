@@ -55,7 +55,6 @@ class PoseFilter(NamedTuple):
         Args:
             modes: to be carried; none: of a small cup.
             window: length of the window [s]; 0: the longest one that carries them.
-            order: of the derivative.
         """
         fastest = max((frequency for _, frequency in modes), default=TUNING.fastest_mode)
         longest = TUNING.reach if order == 2 else TUNING.velocity_reach
@@ -70,7 +69,6 @@ class PoseFilter(NamedTuple):
         Args:
             modes: to be carried; none: of a small cup.
             delay: half of the window [s].
-            order: of the derivative.
         """
         plain = cls.of(modes, 2.0 * delay, order)
         phase = plain.fastest * plain.reach
@@ -228,7 +226,6 @@ def second_derivative(tau: Any, positions: Any, terms: int, offset: float) -> An
     Args:
         tau: (N,) time from the centre, at which it is 0 [s].
         positions: (N, 3) [m].
-        terms: of the polynomial.
         offset: from the centre, where it is wanted [s].
 
     Returns:
@@ -251,7 +248,6 @@ def first_derivative(tau: Any, velocities: Any, terms: int, offset: float) -> An
     Args:
         tau: (N,) time from the centre, at which it is 0 [s].
         velocities: (N, 3) [m/s].
-        terms: of the polynomial.
         offset: from the centre, where it is wanted [s].
 
     Returns:
@@ -273,7 +269,6 @@ def even_times(ticks: Any, positions: Any, tau: Any, first: int, interval: float
         ticks: (N,) receives when a window's poses were taken, from the centre's tick [s].
         positions: (N, 3) of the window's poses [m].
         tau: (M,) time from the centre, at which it is 0, of the window's and of earlier poses [s].
-        first: place of the window's first one in tau.
         interval: between the poses [s].
 
     Returns:
@@ -330,7 +325,6 @@ def turning(tau: Any, attitudes: Any, terms: int, offset: float) -> Any:
     Args:
         tau: (N,) time from the centre, at which it is 0 [s].
         attitudes: (N, 4) quaternions x, y, z, w, world ← container, of any length but zero.
-        terms: of the polynomial.
         offset: from the centre, where it is wanted [s].
 
     Returns:

@@ -87,7 +87,6 @@ class PoseInput(CheckedInput):
         base: another frame in which poses come, and where it stands in the world; None: none.
 
     Attributes:
-        gate: judges the poses.
         sampling: knows their rate, and is told the modes that they must carry.
         jumps: of the tracker, so far.
 
@@ -168,7 +167,6 @@ class PoseInput(CheckedInput):
             position: of the frame that is published, in the world [m].
             quaternion: x, y, z, w, world ← that frame; of any length within LENGTHS.
             now_ns: the time of arrival [ns].
-            frame: in which the pose is given.
         """
         if self._base is not None and frame == self._base.frame:
             position, quaternion = composed(self._base.pose, (position, quaternion))
@@ -201,7 +199,6 @@ class PoseInput(CheckedInput):
         """Returns the samples that a pose completes.
 
         Args:
-            pose: of the container.
             fault: what is wrong with it; None: nothing is known.
             jumped: whether a new motion begins with it.
         """
@@ -478,7 +475,6 @@ class PoseInput(CheckedInput):
         and stamp rightly: then it is smoother at the stamps. The better of both counts more.
 
         Args:
-            first, end: the window.
             tau: (N,) their stamps, from the centre's [s].
             positions: (N, 3) [m].
 

@@ -48,11 +48,9 @@ class Robot:
     """A robot that carries the container, for forward kinematics from joint positions.
 
     Args:
-        urdf: text of its description.
         tool_frame: link that is the container, or carries it.
         world: link that is the world, z up; another name: the root of the description is it.
         name: of the description, for messages.
-        error: raised with what is wrong.
 
     Attributes:
         carrying: names of the joints that carry the link, from the root on; one that mimics

@@ -1,4 +1,10 @@
-"""Input samples of the models, and the rate at which they come."""
+"""Input samples of the models, and the rate at which they come.
+
+Between two samples the models take the acceleration as a straight line. Of a wave of frequency ω,
+sampled every T, this leaves sinc²(ωT/2): at 30 Hz 0.96 of a first mode of 3.4 Hz. What an input
+does before, such as to differentiate poses, has a gain of its own. A mode whose gain is out of
+CARRIED is estimated too low, or too high.
+"""
 
 from __future__ import annotations
 
@@ -166,13 +172,10 @@ class Sampling:
 
     Args:
         noun: what comes, in the plural.
-        gain: of the input.
-        remedy: what helps beside a higher rate.
 
     Attributes:
         interval_ns: between two samples [ns]; 0: not known yet.
         slow: whether a mode is not carried.
-        modes: that are to be carried.
     """
 
     def __init__(
@@ -319,8 +322,6 @@ def gap_sentence(gate: SampleGate, used: int, restarts: int) -> str:
     """Returns a line if most samples are farther apart than max_gap, else an empty text.
 
     Args:
-        gate: that judged them.
-        used: how many of them were used.
         restarts: how many of these came after a gap.
     """
     if restarts < TUNING.restarts or TUNING.restarts * restarts < used:

@@ -38,12 +38,10 @@ class CheckedInput:
     """An input whose samples are checked for plausibility.
 
     Args:
-        check: of its samples.
         checks: whether doubts are told and flagged; None: as before these checks existed, so
             that recordings of that time have the flags of that time.
 
     Attributes:
-        check: of its samples.
         flags: whether a doubt makes samples doubtful.
         began: what shows that the container moved when the input began; None: nothing.
     """
@@ -111,8 +109,6 @@ def remembered(memory: Sequence[float], count: int, rate: int = 0) -> Sequence[f
     """Checks the length of an input reader's saved state, and returns that state.
 
     Args:
-        memory: all of it.
-        count: numbers of the reader's own.
         rate: numbers about the input's rate that follow them, but in recordings of old.
 
     Raises:
@@ -176,7 +172,6 @@ class AccelInput(CheckedInput):
         """Converts an acceleration [m/s²] to an input sample; returns None if it is dropped.
 
         Args:
-            stamp_ns, frame, ax, ay, az: of the message.
             now_ns: the time of arrival [ns].
             pose: how the container stands and turns; None: upright, and it does not turn.
         """
@@ -299,6 +294,19 @@ class AccelInput(CheckedInput):
             f"publish them in {' or '.join(map(repr, self._frames))}, or publish the transforms "
             "(/tf) that connect their frame with the container's"
         )
+
+
+def imu_reading(
+    force: Vector, rate: Vector, force_known: float, rate_known: float
+) -> tuple[Vector, Vector | None]:
+    """Returns specific force (NaN: not reported) and angular velocity (None) of an Imu message.
+
+    Args:
+        force_known, rate_known: first entries of their covariances, below 0: not reported.
+    """
+    if force_known < 0.0:
+        force = (math.nan, math.nan, math.nan)
+    return force, rate if rate_known >= 0.0 and rate[0] == rate[0] else None
 
 
 class ImuInput(CheckedInput):

@@ -2,6 +2,19 @@
 
 The chain from the world to the container is found as the transforms come; what is fixed is kept,
 what moves is brought to the moments of its slowest link (`slosh_motion.inputs.aligned`).
+
+Accelerations of a frame that moves are converted to the container's origin.
+
+The sensor's frame F and the container C are both in the tree of transforms. With u = x_C - x_F in
+the world's axes, the container's origin is accelerated by
+
+    a_C = R_WF a_F + ü,
+
+where ü is the lever arm's share: of an arm r that is fixed in C it is R_WC (ω̇ × r + ω × (ω × r)).
+Angular velocity and lever arm come out of the transforms' own motion, by the filter of poses
+(`pose_filter`). The angular part of AccelStamped is not used: an angular velocity
+integrated from it drifts, is not known at the start, and many drivers leave it at zero. So an
+acceleration is answered half a window later, when the transforms around it are known.
 """
 
 from __future__ import annotations
@@ -9,11 +22,19 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from slosh_motion.checks.constant_meaning import Doubt
 from slosh_motion.inputs.aligned import AlignedStreams, Lead, Values, clock_doubt
-from slosh_motion.inputs.frames import Quaternion, TimedPose, Transform, Vector, composed, rotated
+from slosh_motion.inputs.frames import (
+    Quaternion,
+    TimedPose,
+    Transform,
+    Vector,
+    composed,
+    rotated,
+    stamp_of,
+)
 from slosh_motion.inputs.pose_input import PoseInput
 from slosh_motion.inputs.sampling import Pose, Sample
 from slosh_motion.tuning import TUNING
@@ -26,7 +47,6 @@ class TransformPoses:
     """Computes poses of one frame relative to another from transforms.
 
     Args:
-        world, container: names of the frames.
         since_ns: moving transforms before this stamp are not used [ns]; 0: those before all links
             of the chain have come, which a recording may hold although a node has not heard them.
             None: all are used.
@@ -49,13 +69,22 @@ class TransformPoses:
         self._since_ns = 0
         self._newest_ns = 0
 
+    def hear(self, message: Any, at_ns: int | None, *, fixed: bool = False) -> list[TimedPose]:
+        """Adds a TFMessage of any reader, or a PoseStamped of a frame that moves; see `take`."""
+        if hasattr(message, "transforms"):
+            links = map(Transform.of_message, message.transforms)
+            return self.take(links, fixed=fixed, at_ns=at_ns)
+        p, q = message.pose.position, message.pose.orientation
+        place, turn = (p.x, p.y, p.z), (q.x, q.y, q.z, q.w)
+        frame, stamp_ns = message.header.frame_id, stamp_of(message)
+        return self.take([Transform(frame, POSED, stamp_ns, place, turn)], at_ns=at_ns)
+
     def take(
         self, transforms: Iterable[Transform], *, fixed: bool = False, at_ns: int | None = None
     ) -> list[TimedPose]:
         """Returns the poses that transforms complete, in order of time.
 
         Args:
-            transforms: of one message.
             fixed: whether they hold for all time.
             at_ns: when the message arrived, or was recorded [ns]; None: not known.
         """
@@ -204,7 +233,6 @@ class PlacedAcceleration(NamedTuple):
     Attributes:
         stamp_ns: of the sensor's message [ns].
         vector: in the world's axes, gravity excluded [m/s²].
-        pose: how the container stands and turns then.
     """
 
     stamp_ns: int
@@ -216,13 +244,10 @@ class PlacedAccel:
     """Converts accelerations of a frame to the container's origin and to world axes.
 
     Args:
-        world, container: names of their frames.
-        frame: of the accelerations.
         arm: differentiates the lever arm; of its own.
         since_ns: moving transforms before this stamp are not used [ns]; 0: all are.
 
     Attributes:
-        frame: as given.
         since_ns: stamp of the first moving transform that is used [ns]; 0: none has come.
     """
 
@@ -240,13 +265,24 @@ class PlacedAccel:
         self._waiting: deque[tuple[int, Vector]] = deque(maxlen=TUNING.kept_states)
         self._given = 0
 
+    def hear(
+        self, message: Any, at_ns: int | None, *, fixed: bool = False
+    ) -> list[PlacedAcceleration]:
+        """Adds a TFMessage or an AccelStamped of any reader; see `take_transforms`, `take`."""
+        if hasattr(message, "transforms"):
+            links = map(Transform.of_message, message.transforms)
+            return self.take_transforms(links, fixed=fixed, at_ns=at_ns)
+        if message.header.frame_id != self.frame:
+            return []
+        a = message.accel.linear
+        return self.take(stamp_of(message), (a.x, a.y, a.z), at_ns)
+
     def take_transforms(
         self, transforms: Iterable[Transform], *, fixed: bool = False, at_ns: int | None = None
     ) -> list[PlacedAcceleration]:
         """Adds transforms; returns the accelerations that can be converted now, in order.
 
         Args:
-            transforms: of the message.
             fixed: whether they hold for all time.
             at_ns: when the message arrived, or was recorded [ns]; None: not known.
         """

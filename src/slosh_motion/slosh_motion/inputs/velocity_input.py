@@ -49,7 +49,6 @@ class Twist(NamedTuple):
         linear: velocity of its origin [m/s].
         angular: velocity [rad/s].
         attitude: x, y, z, w, world ← frame; None: not known.
-        frame: whose axes the velocities have.
         position: of the frame [m]; None: not known.
     """
 
@@ -223,7 +222,6 @@ class OdometryPoses(PoseInput):
         """Returns the samples that an Odometry message completes; see `PoseInput.update`.
 
         Args:
-            twist: with its attitude and position.
             now_ns: the time of arrival [ns].
         """
         if twist.attitude is None or twist.position is None:

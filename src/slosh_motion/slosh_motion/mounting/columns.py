@@ -1,4 +1,4 @@
-"""Brings the data of a sensor and a motion to one time axis with equal smoothing.
+"""Rotations of a mounting, and a sensor and a motion on one time axis with equal smoothing.
 
 Both sides are averaged by three boxes in turn, so that what a pose's filter has smoothed already,
 and a sensor's vibration, do not matter. The motion is told in the container's own axes first.
@@ -187,7 +187,6 @@ def sensor_columns(motion: MotionColumns, *, in_world: bool = False) -> Array:
     """Returns a motion as columns (N, COLUMNS) that can be compared with sensor readings.
 
     Args:
-        motion: of the container.
         in_world: in the world's axes, for a sensor that reports in these.
     """
     count = len(motion.stamps)
@@ -211,7 +210,6 @@ def aligned(
     """Aligns a sensor and a motion between two stamps, for each smoothing width.
 
     Args:
-        sensor: at least two samples.
         stamps: (N,) of the motion, at least two [ns].
         motion: (N, COLUMNS) as `sensor_columns` gives it.
         begin, end: the moments [ns].

@@ -43,7 +43,6 @@ class MountingWanted(NamedTuple):
 
     Attributes:
         sensor, reference: kinds; None: the first of SENSORS, of REFERENCES that is there.
-        robot: description and link for joints.
         rotation: roll, pitch, yaw of container ← sensor [rad]; None: as recorded or by TF.
         to_origin: from the sensor to the container's origin [m]; None: likewise.
         cell: namespace; None: the bag's only or first cell.
@@ -61,15 +60,9 @@ class MountingCheck(NamedTuple):
     """Result of the check of a sensor's mounting in a bag.
 
     Attributes:
-        kind, topic: of the sensor.
-        messages: how many came of it.
-        frame: of its messages.
         reference: kind and topic of what it was compared with; empty: there is nothing.
         verdict: of the comparison; None: nothing moved, or there is nothing.
-        motions: that were compared.
-        told: how the sensor was said to be mounted.
         doubts: what the sensor's own values say: gravity, unit, tilt.
-        reference_doubts: the same of the other side.
         missing: why nothing was compared; empty: something was.
     """
 
@@ -95,10 +88,6 @@ class MountingCheck(NamedTuple):
 
 def check_mounting(path: Path, wanted: MountingWanted) -> MountingCheck:
     """Checks the mounting of a sensor in a bag by comparison with another source.
-
-    Args:
-        path: of the bag.
-        wanted: what is compared.
 
     Raises:
         SloshBagError: no readable bag, no such sensor or reference, or the robot's description

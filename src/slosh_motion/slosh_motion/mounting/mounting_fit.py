@@ -75,7 +75,6 @@ class MountingFit(NamedTuple):
         rotation: (3, 3) sensor ← container; determinant -1: an axis is mirrored.
         covariance: (3, 3) of the small turn by which it may be off, in the container's axes
             [rad²].
-        gain, gravity: k and h.
         gain_error, gravity_error: their standard errors.
         lag, lag_error: by which the sensor is late [s].
         arm, arm_error: (3,) place of the sensor in the container [m]; NaN: not seen.
@@ -105,7 +104,6 @@ def fit_mounting(both: Aligned, told: Array, arm: Array) -> MountingFit | None:
     """Fits the mounting of a sensor to a motion, or returns None with too little data.
 
     Args:
-        both: sides.
         told: (3, 3) sensor ← container, as it was told.
         arm: (3,) place of the sensor in the container, as it was told [m].
 

@@ -1,4 +1,4 @@
-"""Refines all unknowns of a mounting together by the Gauss-Newton method.
+"""Finds the mounting that best explains a sensor, and refines all unknowns by Gauss-Newton.
 
 In the container's axes the reading is y = Mᵀ s; a turn of M by a small θ changes it by y × θ.
 """
@@ -162,8 +162,6 @@ class Problem(NamedTuple):
         slope: (N, 3) by which they change in time.
         motion: (N, COLUMNS).
         arm: place of the sensor as it was told [m].
-        variance: of a component of an independent reading.
-        least: that it has at least.
     """
 
     s: Array
@@ -199,7 +197,6 @@ class Solution(NamedTuple):
     """The fitted unknowns with their covariance.
 
     Attributes:
-        at: them.
         covariance: (UNKNOWNS, UNKNOWNS).
         error: mean square of a reading's error.
         left: part of the angular velocities that is not explained.
@@ -215,8 +212,6 @@ def refined(problem: Problem, start: Answer, rates: Rates | None) -> Solution:
     """Returns the solution of the mounting fit near a hypothesis.
 
     Args:
-        problem: what is fitted.
-        start: the hypothesis.
         rates: that are fitted, too; None: none.
     """
     at = Unknowns(

@@ -54,9 +54,7 @@ class MountingVerdict(NamedTuple):
 
     Attributes:
         wrong: what is wrong, with the remedy, a clause each; empty: nothing is known to be.
-        remarks: what is worth a look.
         unseen: what the motion did not show.
-        fit: on which this is based.
         sensor_rotation: roll, pitch, yaw [rad] of container ← sensor as measured.
         error: standard error of the rotation, about the axis where it is largest [rad].
     """

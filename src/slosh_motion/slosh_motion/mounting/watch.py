@@ -42,12 +42,10 @@ class MountingWatch:
     """Collects samples of sensor and motion, and judges the mounting after each motion.
 
     Args:
-        expected: what the sensor is said to be.
         in_world: whether its axes are the world's.
 
     Attributes:
         verdict: of the motions so far that belong together; None: nothing has moved yet.
-        motions: how many were compared.
     """
 
     def __init__(self, expected: Expected, *, in_world: bool = False) -> None:

@@ -36,7 +36,6 @@ from slosh_motion.inputs.inputs import (
 )
 from slosh_motion.inputs.joint_poses import JointPoses
 from slosh_motion.inputs.transform_poses import (
-    POSED,
     PlacedAccel,
     PlacedAcceleration,
     TransformPoses,
@@ -63,13 +62,9 @@ class InputBlocks:
     """Reads the messages of an input from a bag, block by block.
 
     Args:
-        reader: of the bag.
-        sources: its topics.
-        how: the input is read.
         taken: leaves out what the recorded estimator did not take, or not in time; None: nothing.
 
     Attributes:
-        topics: whose blocks it reads.
         left_out: messages of the input that `taken` has left out so far.
 
     Raises:
@@ -90,7 +85,7 @@ class InputBlocks:
         self._fields = fields(sources.kind)
         self._world = how.frames[0]
         self._kind = sources.kind
-        self._count = self._messages = self._stamped = self._log_ns = 0
+        self._count = self._messages = self._stamped = 0
         self._clocks: dict[object, tuple[array[int], array[int]]] = {}
         if sources.kind == JOINTS and not how.urdf:
             how = how._replace(urdf=_description(reader, sources))
@@ -103,10 +98,8 @@ class InputBlocks:
         if placed or (sources.kind == POSE and isinstance(self._poses, TransformPoses)):
             self.topics += (sources.topics.topic("tf", _row(topics.TF).type) or "",)
         for message in _latched(reader, sources, topics.TF_STATIC):
-            if isinstance(self._poses, PlacedAccel):
-                self._poses.take_transforms(map(_transform, message.transforms), fixed=True)
-            elif isinstance(self._poses, TransformPoses):
-                self._poses.take(map(_transform, message.transforms), fixed=True)
+            if isinstance(self._poses, PlacedAccel | TransformPoses):
+                self._poses.hear(message, None, fixed=True)
 
     def columns(self, blocks: Sequence[MessageBlock]) -> Columns:
         """Returns the values of the input's messages in a chunk, as columns.
@@ -148,14 +141,14 @@ class InputBlocks:
         if isinstance(self._poses, PlacedAccel):
             placed: list[PlacedAcceleration] = []
             for message in messages:
-                placed += self._placed(self._poses, self._noted(message))
+                placed += self._poses.hear(self._noted(message), message.log_ns)
                 logged += [message.log_ns] * (len(placed) - len(logged))
             self._count += len(placed)
             columns = _placed_columns(placed, self._world)
         else:
             found: list[TimedPose] = []
             for message in messages:
-                found += self._taken(self._noted(message))
+                found += self._poses.hear(self._noted(message), message.log_ns)
                 logged += [message.log_ns] * (len(found) - len(logged))
             self._count += len(found)
             columns = _pose_columns(found, self._world)
@@ -175,7 +168,6 @@ class InputBlocks:
     def _noted(self, message: BagMessage) -> Any:
         """Returns a decoded message of `topics`; counts those of the input and their stamps."""
         decoded = self._reader.decode(message)
-        self._log_ns = message.log_ns
         if message.topic == self.topics[0]:
             links = decoded.transforms if hasattr(decoded, "transforms") else (decoded,)
             self._stamped += any(stamp_ns(one) for one in links)
@@ -200,33 +192,6 @@ class InputBlocks:
         found |= {clocks.text: InputDoubt.of(clocks)} if clocks is not None else {}
         told = self._poses.velocities.remark() if isinstance(self._poses, JointPoses) else ""
         return [*found.values(), *([InputDoubt(told, wrong=False)] if told else [])]
-
-    def _placed(self, poses: PlacedAccel, message: Any) -> list[PlacedAcceleration]:
-        """Returns the container accelerations [m/s²] that become computable with a new message."""
-        if hasattr(message, "transforms"):
-            links = map(_transform, message.transforms)
-            return poses.take_transforms(links, at_ns=self._log_ns)
-        if message.header.frame_id != poses.frame:
-            return []
-        a = message.accel.linear
-        return poses.take(stamp_ns(message), (a.x, a.y, a.z), self._log_ns)
-
-    def _taken(self, message: Any) -> list[TimedPose]:
-        """Returns the poses that become computable with a new joint, transform or pose message."""
-        if isinstance(self._poses, JointPoses):
-            positions, velocities = message.position.tolist(), message.velocity.tolist()
-            return self._poses.take(
-                stamp_ns(message), message.name, positions, velocities, self._log_ns
-            )
-        assert isinstance(self._poses, TransformPoses)
-        if hasattr(message, "transforms"):
-            return self._poses.take(map(_transform, message.transforms), at_ns=self._log_ns)
-        p, q = message.pose.position, message.pose.orientation
-        link = Transform(
-            message.header.frame_id, POSED, stamp_ns(message), (p.x, p.y, p.z),
-            (q.x, q.y, q.z, q.w),
-        )  # fmt: skip
-        return self._poses.take([link], at_ns=self._log_ns)
 
     def trouble(self) -> str:
         """Describes why poses are missing or wrong; empty if no fault is known."""
@@ -256,8 +221,6 @@ def reading(
     """Returns the settings with which the input of a bag is read.
 
     Args:
-        reader: of the bag.
-        sources: its topics.
         given: how it is read, or in what other than by the recorded estimator; None: as by that.
         as_recorded: whether an input that an estimator read is read as it did, though its messages
             contradict themselves.
@@ -302,7 +265,7 @@ def _mounted(reader: BagReader, sources: Sources, how: InputSettings) -> InputSe
         return how
     fixed = FixedFrames()
     for message in _latched(reader, sources, topics.TF_STATIC):
-        fixed.take(map(_transform, message.transforms))
+        fixed.take(map(Transform.of_message, message.transforms))
     block = next(iter(reader.blocks([sources.input])), None)
     if block is None:
         return how
@@ -340,14 +303,6 @@ def _stamp_columns(stamps_ns: list[int], kind: str, frame: str) -> dict[str, NDA
         nanoseconds: stamps % SECOND,
         name: np.full(len(stamps), frame, dtype=object),
     }
-
-
-def _transform(message: Any) -> Transform:
-    place, turn = message.transform.translation, message.transform.rotation
-    return Transform(
-        message.header.frame_id, message.child_frame_id, stamp_ns(message),
-        (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w),
-    )  # fmt: skip
 
 
 def by_chunk(blocks: Iterable[MessageBlock]) -> Iterator[list[MessageBlock]]:

@@ -18,7 +18,7 @@ from slosh_motion.checks.table_checks import InputDoubt
 from slosh_motion.inputs.gate import DROPPED, GateSettings, SampleVerdict
 from slosh_motion.inputs.inputs import POSE, POSES, ROBOT, InputSettings
 from slosh_motion.inputs.sampling import Modes, Samples, gap_sentence, modes_of
-from slosh_motion.inputs.sensor_inputs import AccelInput, ImuInput
+from slosh_motion.inputs.sensor_inputs import AccelInput, ImuInput, imu_reading
 from slosh_motion.inputs.velocity_input import OdometryPoses, Twist, VelocityInput
 from slosh_motion.recorded.settings import NodeStart, first, model_of, settings_of
 from slosh_motion.recorded.sources import TABLE_COLUMNS
@@ -103,7 +103,6 @@ class InputReader:
 
     Args:
         kind: of the input, see `slosh_motion.inputs.inputs`.
-        settings: of the node.
 
     Attributes:
         max_gap_ns: the longest gap that is integrated across [ns].
@@ -258,7 +257,8 @@ class InputReader:
         frames = columns[_FRAME][rows].tolist()
         for stamp, frame, row in zip(stamps[rows].tolist(), frames, values.tolist(), strict=True):
             if isinstance(adapter, ImuInput):
-                sample = adapter.update(stamp, *_imu(row))
+                force, rate = imu_reading(tuple(row[:3]), tuple(row[3:6]), *row[6:])
+                sample = adapter.update(stamp, force, rate)
                 if sample is not None:
                     found.append(sample)
             elif isinstance(adapter, VelocityInput | OdometryPoses):
@@ -280,7 +280,6 @@ class InputReader:
 
         Args:
             given: the model before `InputSettings.felt`.
-            used: the model that ran.
         """
         if any(doubt.wrong for doubt in self.doubts):
             return []
@@ -299,22 +298,12 @@ def twist_of(stamp_ns: int, row: Sequence[float], frame: str) -> Twist:
     return Twist(stamp_ns, linear, angular, (qx, qy, qz, qw), "", (x, y, z))
 
 
-def _imu(row: Sequence[float]) -> tuple[Any, Any]:
-    """Returns specific force [m/s²] and angular velocity [rad/s] (or None) of Imu messages."""
-    force, rate = tuple(row[:3]), tuple(row[3:6])
-    if row[6] < 0.0:
-        force = (math.nan,) * 3
-    reported = row[7] >= 0.0 and not math.isnan(rate[0])
-    return force, rate if reported else None
-
-
 def readings_of(
     kind: str, columns: Mapping[str, NDArray[Any]]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
     """Returns accelerations [m/s²] and angular velocities [rad/s] (N, 3) in the sensor's axes.
 
     Args:
-        kind: 'imu' or 'accel'.
         columns: their fields by name, (N,) each.
 
     Returns:

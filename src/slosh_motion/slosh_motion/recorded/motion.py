@@ -28,9 +28,6 @@ class StrayFilter:
 
     Args:
         gap: so far ahead of the one before [ns].
-
-    Attributes:
-        count: messages that were set aside.
     """
 
     def __init__(self, gap: int) -> None:
@@ -151,12 +148,7 @@ class RecordedMotion:
 class MotionCollector:
     """Collects the messages of one input topic, to compute the motion.
 
-    Args:
-        kind: of the input.
-        settings: how they are read.
-
     Attributes:
-        fields: the columns that it takes.
         in_world: whether all accelerations so far were in the world's frame.
     """
 
@@ -190,8 +182,6 @@ class MotionCollector:
         """Returns the container's motion from all added messages.
 
         Args:
-            path: of the bag.
-            topic: of the input.
             clocks: what its stamps show, in case that nothing is usable.
 
         Raises:
@@ -264,14 +254,7 @@ class MotionCollector:
 
 
 class AttitudeCollector:
-    """Collects the attitude from an IMU in the container frame, in addition to accelerations.
-
-    Args:
-        frame: the container's.
-
-    Attributes:
-        fields: the columns that it takes.
-    """
+    """Collects the attitude from an IMU in the container frame, in addition to accelerations."""
 
     fields = (*STAMP, FRAME, *ORIENTATION, *TURNING, _ORIENTATION_KNOWN, _TURNING_KNOWN)
 
@@ -307,7 +290,6 @@ def at_stamps(wanted: Stamps, stamps: Stamps, values: Array) -> Array | None:
     """Returns the first row of values at each stamp; None if there is no row at one of them.
 
     Args:
-        wanted: stamps to look for.
         stamps: (M,) of the values, in any order.
         values: (M, K), NaN where not known.
 

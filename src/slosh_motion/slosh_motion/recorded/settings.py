@@ -1,4 +1,4 @@
-"""Reads the settings of the nodes from the `settings` topic of a recording."""
+"""Reads what the nodes of a recording told: their settings, and what they took by journals."""
 
 from __future__ import annotations
 
@@ -31,12 +31,9 @@ class NodeStart(NamedTuple):
     """A start, restart or parameter change of a node; see NodeSettings.msg.
 
     Attributes:
-        node: its name.
         stamp_ns: the last input that it had used before [ns]; 0: none, its process was new.
         log_ns: when the recorder heard of it [ns].
         code, arithmetic: digests of its sources and of how its machine rounds.
-        parameters: its parameters by name.
-        files: texts of its files by parameter.
         topics: full names of those that it reads and publishes, by their names in this product;
             none in recordings of old.
         changed: names of the parameters that changed while the node goes on; none: it started.
@@ -93,8 +90,6 @@ def heard(
     Such a process had ended, or has told its settings anew before its first message.
 
     Args:
-        starts: in the order of the recording.
-        node: which.
         published_ns: (N,) when its messages were recorded, rising [ns].
     """
     own = [start.log_ns for start in starts if start.node == node and start.is_process]
@@ -132,11 +127,6 @@ def limits_over_time(
 ) -> tuple[T, list[tuple[int, T]]] | None:
     """Converts a node's parameters at its last start and each change; None if not recorded.
 
-    Args:
-        starts: in the order of the recording.
-        node: which.
-        meaning: that the node itself gives them.
-
     Returns:
         what holds at first; what holds for data with stamps after each of these [ns]. None: the
         recording does not tell.
@@ -155,10 +145,6 @@ def limits_over_time(
 
 def settings_of(start: NodeStart, meaning: Callable[[Mapping[str, Any]], T]) -> T:
     """Converts the recorded parameters of a node by a given function.
-
-    Args:
-        start: of the node.
-        meaning: that the node itself gives them.
 
     Raises:
         SloshBagError: one is missing or cannot be.
@@ -233,7 +219,6 @@ def node_start(message: Any, log_ns: int, source: str) -> NodeStart:
     """Parses a NodeSettings message.
 
     Args:
-        message: as any middleware or reader decodes it.
         log_ns: when it was heard [ns].
         source: where it comes from, for the error.
 
@@ -282,8 +267,6 @@ class TakenInputs:
     """What an estimator took of its inputs, as far as its journals go.
 
     Args:
-        reader: of the bag.
-        journal: topic of the journals.
         node: whose journals count.
 
     Attributes:

@@ -1,4 +1,4 @@
-"""Selects the topics of a bag that a replay, a discovery or an export needs."""
+"""Selects the topics of a bag that a replay, a discovery or an export needs; its metadata."""
 
 from __future__ import annotations
 
@@ -50,7 +50,6 @@ def event_lines(facts: Mapping[str, str], start_ns: int) -> tuple[str, ...]:
     """Returns one line for each event that caused the bag to be written.
 
     Args:
-        facts: of the bag.
         start_ns: the zero of the times that are told [ns].
     """
     return tuple(
@@ -124,13 +123,8 @@ class Sources(NamedTuple):
 
     Attributes:
         kind: of the input, see `slosh_motion.inputs.inputs`.
-        topics: finds all topics of the cell.
-        input, surface: topics.
         estimate, comparison: topics of what was recorded live; None: there is none.
-        starts: of the recorded nodes.
-        facts: about the whole bag.
         state: topic of the estimator's states; None: none were recorded.
-        journal: the same of what the nodes took.
     """
 
     kind: str
@@ -159,7 +153,6 @@ def find_sources(
 
     Args:
         path: of the bag, for errors.
-        reader: of the bag.
         kind: of the input; None: what the recorded estimator read, or the first that there is.
         cell: namespace of the topics; None: the bag's only or first cell.
 
@@ -260,7 +253,6 @@ class CellTopics:
 
         Args:
             name: as nodes tell it, or the last part of the topic's name.
-            message_type: of its messages.
         """
         for full in self._names.get(name.strip("/"), ()):
             if self._topics.get(full) == message_type:

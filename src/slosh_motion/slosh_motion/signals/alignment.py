@@ -161,7 +161,6 @@ def onset_offset(
         height: (N,) measured heights [m], with any still level; NaN: no sample.
         model_t: (M,) model clock [s].
         model: (M,) model heights above the still level [m].
-        still: the measured quiet part.
 
     Raises:
         SloshMotionError: one of the series shows no motion.

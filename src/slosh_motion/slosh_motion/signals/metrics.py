@@ -2,6 +2,9 @@
 
 The indices of DL22 and TM20. Every function takes two series of the same length, in the same unit,
 and leaves out the moments at which one of them is not finite.
+
+The indices of TM20 of profiles η(x, t) over a container's width. x is measured from its middle, η
+from the still level; a frame is one row of a profile.
 """
 
 from __future__ import annotations

@@ -171,7 +171,6 @@ def assumed_unit(first: float, t: Array) -> str:
     """Returns the unit of times since 1970; empty if the times count from another origin.
 
     Args:
-        first: the first time as it stands in the table.
         t: (N,) times from some origin, in the same unit.
     """
     if not np.isfinite(t).all():
@@ -194,10 +193,8 @@ def check_step(path: Path, t: Array, unit: str | None, name: str, *, use: float 
     """Raises an error if samples are so far apart that the time unit must be wrong.
 
     Args:
-        path: of the table.
         t: (N,) [s].
         unit: that heading, values or user told; None: seconds were assumed.
-        name: of the column.
         use: share of its speed limits that the motion uses with times in seconds; 0: unknown.
             In a unit in which it uses more than all of them the times are not.
 
@@ -286,7 +283,6 @@ class Column:
 
     Attributes:
         name: ours, such as 'ax'.
-        given: the table's.
         place: from 0.
         unit: as the table names it; empty: it does not.
         factor: from it to SI units.
@@ -316,9 +312,7 @@ def columns_of(
 
     Args:
         path: of the table; for what is said of it.
-        heading: the names as they stand there.
         unit_row: units below them; empty: there are none.
-        options: what the user says.
         free: whether names other than the time's are the user's own, such as those of joints.
 
     Raises:

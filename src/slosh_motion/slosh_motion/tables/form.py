@@ -30,11 +30,9 @@ class Rows:
     """Heading, unit row and data rows of a text table, read one by one.
 
     Attributes:
-        heading: names as they stand there.
         unit_row: units below them; empty: there are none.
         separator: between columns; ' ': any white space.
         before: lines before the heading that are no comments, and are passed over.
-        line: number of the line that was read last.
         dotted: whether a point stood in a row.
         comments: before the heading, without their marks.
     """
@@ -89,8 +87,6 @@ def read_form(path: Path, text: Iterable[str], options: TableOptions) -> Rows:
 
     Args:
         path: of the table; for what is said of it.
-        text: its lines.
-        options: what the user says.
 
     Raises:
         SloshFileError: it is empty, or has no names of its columns.

@@ -44,7 +44,6 @@ class TextTable:
     """Columns of numbers read from a text table.
 
     Attributes:
-        path: of its file.
         names: ours, or the table's own where we have none.
         data: (N, K) in SI units.
         lines: (N,) where in the file the rows stand, from 1.
@@ -116,7 +115,6 @@ def read_table(
     Args:
         path: a text file; one whose name ends in .gz is unpacked.
         check: raises where the names of its columns are not as they should be.
-        options: what the user says of it.
         may_be_blank: whether a column may have cells without a value, which become NaN.
         free: whether names other than the time's are the user's own, such as those of joints.
         sampled: whether its rows sample a motion, or what tells `check_step` which share of its
