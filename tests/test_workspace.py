@@ -149,6 +149,7 @@ def setup_keywords(package, monkeypatch):
     said = {}
     monkeypatch.setattr("setuptools.setup", said.update)
     monkeypatch.chdir(package)
+    monkeypatch.syspath_prepend(package)
     runpy.run_path("setup.py")
     return said
 

@@ -266,7 +266,7 @@ def flatten(option: str, paths: Iterable[Path]) -> list[str]:
 
 def workspace_inputs() -> list[bytes]:
     """Returns the data on which the workspace build depends, for detecting changes."""
-    patterns = [f"slosh*/{name}" for name in ("package.xml", "setup.py", "setup.cfg")]
+    patterns = [f"slosh*/{name}" for name in ("package.xml", "*setup.py", "setup.cfg")]
     patterns.append("slosh*/CMakeLists.txt")
     patterns += ["slosh_msgs/msg/*", "slosh_msgs/srv/*", "slosh_msgs/action/*"]
     files = sorted(path for pattern in patterns for path in ROOT.glob(f"*/{pattern}"))

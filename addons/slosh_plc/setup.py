@@ -1,47 +1,12 @@
 """Installs slosh_plc as an ament package."""
 
-from xml.etree import ElementTree
+from package_setup import install
 
-from setuptools import find_packages, setup
-from setuptools.command.develop import develop
-
-PACKAGE = "slosh_plc"
-
-
-class Develop(develop):
-    """Makes linked programs take Python from PATH, as setup.cfg does for installed ones."""
-
-    def install_wrapper_scripts(self, dist):
-        """Writes the scripts that start the package's programs."""
-        from setuptools.command.develop import VersionlessRequirement
-        from setuptools.command.easy_install import ScriptWriter
-
-        header = ScriptWriter.get_header("", "/usr/bin/env python3")
-        for arguments in ScriptWriter.get_args(VersionlessRequirement(dist), header):
-            self.write_script(*arguments)
-
-
-setup(
-    name=PACKAGE,
-    cmdclass={"develop": Develop},
-    version=ElementTree.parse("package.xml").findtext("version"),
-    packages=find_packages(exclude=["test"]),
-    package_data={PACKAGE: ["py.typed"]},
-    data_files=[
-        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
-        (f"share/{PACKAGE}", ["package.xml"]),
-    ],
-    install_requires=["setuptools"],
-    extras_require={
-        "plc": ["aiomqtt>=2.4", "asyncua>=2.0", "cryptography", "protobuf>=5", "pymodbus>=3.13"],
+install(
+    [],
+    extras={
+        "plc": ["aiomqtt>=2.4", "asyncua>=2.0", "cryptography", "protobuf>=5", "pymodbus>=3.13"]
     },
-    zip_safe=False,
-    maintainer="Slosh Monitor maintainers",
-    maintainer_email="slosh-monitor@users.noreply.github.com",
-    description="Serves the state of a slosh cell to controllers: OPC UA, MQTT, Modbus TCP.",
-    license="Apache-2.0",
-    entry_points={
-        "console_scripts": ["plc = slosh_plc.nodes.plc_node:main"],
-        "slosh.addons": ["plc = slosh_plc.addon:ADDON"],
-    },
+    programs=["plc = slosh_plc.nodes.plc_node:main"],
+    add_on="plc = slosh_plc.addon:ADDON",
 )

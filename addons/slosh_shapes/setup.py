@@ -1,26 +1,9 @@
 """Installs slosh_shapes as an ament package."""
 
-from xml.etree import ElementTree
+from package_setup import install
 
-from setuptools import find_packages, setup
-
-PACKAGE = "slosh_shapes"
-
-setup(
-    name=PACKAGE,
-    version=ElementTree.parse("package.xml").findtext("version"),
-    packages=find_packages(exclude=["test"]),
-    package_data={PACKAGE: ["py.typed"]},
-    data_files=[
-        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
-        (f"share/{PACKAGE}", ["package.xml"]),
-    ],
-    install_requires=["setuptools", "numpy>=1.26", "scipy"],
-    extras_require={"modes": ["scikit-fem"]},
-    zip_safe=False,
-    maintainer="Slosh Monitor maintainers",
-    maintainer_email="slosh-monitor@users.noreply.github.com",
-    description="Computes the sloshing modes of containers of any shape.",
-    license="Apache-2.0",
-    entry_points={"console_scripts": [], "slosh.addons": ["shapes = slosh_shapes.addon:ADDON"]},
+install(
+    ["numpy>=1.26", "scipy"],
+    extras={"modes": ["scikit-fem"]},
+    add_on="shapes = slosh_shapes.addon:ADDON",
 )

@@ -1,28 +1,5 @@
 """Installs slosh as an ament package."""
 
-from xml.etree import ElementTree
+from package_setup import install
 
-from setuptools import find_packages, setup
-
-PACKAGE = "slosh"
-
-setup(
-    name=PACKAGE,
-    version=ElementTree.parse("package.xml").findtext("version"),
-    packages=find_packages(exclude=["test"]),
-    package_data={PACKAGE: ["py.typed"]},
-    data_files=[
-        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
-        (f"share/{PACKAGE}", ["package.xml"]),
-    ],
-    install_requires=["setuptools", "matplotlib", "numpy>=1.26"],
-    extras_require={"tables": ["pandas", "xarray"]},
-    zip_safe=False,
-    maintainer="Slosh Monitor maintainers",
-    maintainer_email="slosh-monitor@users.noreply.github.com",
-    description=(
-        "Liquid sloshing from Python: model, simulate, predict, plan, replay, identify, discover."
-    ),
-    license="Apache-2.0",
-    entry_points={"console_scripts": []},
-)
+install(["matplotlib", "numpy>=1.26"], extras={"tables": ["pandas", "xarray"]})

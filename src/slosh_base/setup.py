@@ -1,25 +1,5 @@
 """Installs slosh_base as an ament package."""
 
-from xml.etree import ElementTree
+from package_setup import install
 
-from setuptools import find_packages, setup
-
-PACKAGE = "slosh_base"
-
-setup(
-    name=PACKAGE,
-    version=ElementTree.parse("package.xml").findtext("version"),
-    packages=find_packages(exclude=["test"]),
-    package_data={PACKAGE: ["py.typed"]},
-    data_files=[
-        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
-        (f"share/{PACKAGE}", ["package.xml"]),
-    ],
-    install_requires=["setuptools", "numba", "numpy>=1.26", "PyYAML"],
-    zip_safe=False,
-    maintainer="Slosh Monitor maintainers",
-    maintainer_email="slosh-monitor@users.noreply.github.com",
-    description="Files, YAML and compiled code: what every other package builds on.",
-    license="Apache-2.0",
-    entry_points={"console_scripts": []},
-)
+install(["numba", "numpy>=1.26", "PyYAML"])

@@ -1,35 +1,5 @@
 """Installs slosh_discovery as an ament package."""
 
-from xml.etree import ElementTree
+from package_setup import install
 
-from setuptools import find_packages, setup
-
-PACKAGE = "slosh_discovery"
-
-setup(
-    name=PACKAGE,
-    version=ElementTree.parse("package.xml").findtext("version"),
-    packages=find_packages(exclude=["test"]),
-    package_data={
-        PACKAGE: [
-            "py.typed",
-            "discovery_report/*.j2",
-            "discovery_report/*.css",
-            "force_report/*.j2",
-            "identification_report/*.j2",
-            "identification_report/*.css",
-        ]
-    },
-    data_files=[
-        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
-        (f"share/{PACKAGE}", ["package.xml"]),
-    ],
-    install_requires=["setuptools", "jinja2", "matplotlib", "numba", "numpy>=1.26", "scipy"],
-    extras_require={"tables": ["pandas"]},
-    zip_safe=False,
-    maintainer="Slosh Monitor maintainers",
-    maintainer_email="slosh-monitor@users.noreply.github.com",
-    description="From recordings to findings: which effect a model of sloshing lacks.",
-    license="Apache-2.0",
-    entry_points={"console_scripts": []},
-)
+install(["jinja2", "matplotlib", "numba", "numpy>=1.26", "scipy"], extras={"tables": ["pandas"]})

@@ -1,47 +1,12 @@
 """Installs slosh_estimator as an ament package."""
 
-from xml.etree import ElementTree
+from package_setup import install
 
-from setuptools import find_packages, setup
-from setuptools.command.develop import develop
-
-PACKAGE = "slosh_estimator"
-
-
-class Develop(develop):
-    """Makes linked programs use the Python of PATH, as setup.cfg does for installed ones."""
-
-    def install_wrapper_scripts(self, dist):
-        """Writes the scripts that start the package's programs."""
-        from setuptools.command.develop import VersionlessRequirement
-        from setuptools.command.easy_install import ScriptWriter
-
-        header = ScriptWriter.get_header("", "/usr/bin/env python3")
-        for arguments in ScriptWriter.get_args(VersionlessRequirement(dist), header):
-            self.write_script(*arguments)
-
-
-setup(
-    name=PACKAGE,
-    cmdclass={"develop": Develop},
-    version=ElementTree.parse("package.xml").findtext("version"),
-    packages=find_packages(exclude=["test"]),
-    package_data={PACKAGE: ["py.typed"]},
-    data_files=[
-        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
-        (f"share/{PACKAGE}", ["package.xml"]),
+install(
+    ["numba", "numpy>=1.26"],
+    programs=[
+        "estimator = slosh_estimator.nodes.estimator_node:main",
+        "monitor = slosh_estimator.nodes.monitor_node:main",
+        "sensor = slosh_estimator.nodes.sensor_node:main",
     ],
-    install_requires=["setuptools", "numba", "numpy>=1.26"],
-    zip_safe=False,
-    maintainer="Slosh Monitor maintainers",
-    maintainer_email="slosh-monitor@users.noreply.github.com",
-    description="Estimates sloshing height from acceleration and compares it with measurements.",
-    license="Apache-2.0",
-    entry_points={
-        "console_scripts": [
-            "estimator = slosh_estimator.nodes.estimator_node:main",
-            "monitor = slosh_estimator.nodes.monitor_node:main",
-            "sensor = slosh_estimator.nodes.sensor_node:main",
-        ]
-    },
 )

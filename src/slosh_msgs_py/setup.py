@@ -1,28 +1,5 @@
 """Installs slosh_msgs_py as an ament package."""
 
-from xml.etree import ElementTree
+from package_setup import install
 
-from setuptools import find_packages, setup
-
-PACKAGE = "slosh_msgs_py"
-
-setup(
-    name=PACKAGE,
-    version=ElementTree.parse("package.xml").findtext("version"),
-    packages=find_packages(exclude=["test"]),
-    package_data={PACKAGE: ["py.typed"], f"{PACKAGE}.node": ["profiles/*.xml"]},
-    data_files=[
-        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
-        (f"share/{PACKAGE}", ["package.xml"]),
-    ],
-    install_requires=["setuptools", "numpy>=1.26"],
-    zip_safe=False,
-    maintainer="Slosh Monitor maintainers",
-    maintainer_email="slosh-monitor@users.noreply.github.com",
-    description=(
-        "Python helpers for slosh_msgs: conversions, topic names, QoS profiles "
-        "and what every node shares."
-    ),
-    license="Apache-2.0",
-    entry_points={"console_scripts": []},
-)
+install(["numpy>=1.26"])

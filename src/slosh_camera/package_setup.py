@@ -1,0 +1,1 @@
+../../tools/package_setup.py
