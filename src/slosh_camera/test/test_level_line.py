@@ -10,7 +10,7 @@ from slosh_camera.calibrate.edges import edge_image
 from slosh_camera.calibrate.level import check_line
 from slosh_camera.calibrate.still import calibrate_by_edges
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.optics.pose import Pose
+from slosh_camera.optics.camera import Pose
 
 LOOKS = {
     "dark": {},

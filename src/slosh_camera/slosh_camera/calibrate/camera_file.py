@@ -14,11 +14,12 @@ import numpy as np
 
 from slosh_base.files.file_version import CAMERA
 from slosh_base.files.yaml_document import YamlDocument, format_yaml, shown
-from slosh_camera.calibrate.intrinsics import camera_of, lens_block
-from slosh_camera.calibrate.yaml_fields import (
+from slosh_camera.calibrate.intrinsics import (
     camera_name,
+    camera_of,
     check_keys,
     integer,
+    lens_block,
     mapping,
     number,
     numbers,
@@ -29,9 +30,9 @@ from slosh_camera.calibrate.yaml_fields import (
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.box import Box, BoxView
 from slosh_camera.optics.calibration import AnyCalibration, Calibration, SideCalibration
+from slosh_camera.optics.camera import Pose
 from slosh_camera.optics.container import WALL
 from slosh_camera.optics.cup import Cup, CupView
-from slosh_camera.optics.pose import Pose
 from slosh_camera.optics.round_body import RoundBody, RoundView
 from slosh_camera.settings import DetectionSettings, LiquidContrast, RegionOfInterest
 from slosh_model.containers import SHAPES

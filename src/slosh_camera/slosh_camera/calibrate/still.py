@@ -16,12 +16,18 @@ from slosh_camera.calibrate.curves import (
     view_at,
     width_of,
 )
-from slosh_camera.calibrate.doubt import KNOWN, QUANTITIES, GivenDeviations, GivenView
 from slosh_camera.calibrate.edges import EdgeImage, edge_image
 from slosh_camera.calibrate.fit import NO_HINT, Hint, PlaceFit, fit_place
 from slosh_camera.calibrate.level import asked, check_line, levels_of
 from slosh_camera.calibrate.outline import find_outline
-from slosh_camera.calibrate.pose import CameraPlace, place_of
+from slosh_camera.calibrate.pose import (
+    KNOWN,
+    QUANTITIES,
+    CameraPlace,
+    GivenDeviations,
+    GivenView,
+    place_of,
+)
 from slosh_camera.calibrate.refusals import (
     check_enclosed,
     check_rival,
@@ -56,8 +62,6 @@ def calibrate_by_edges(
 
     Args:
         image: (height, width) grey or (height, width, 3) blue-green-red, liquid at rest.
-        camera: its camera.
-        cup: the container.
         azimuth: at which the camera stands about the container's axis [rad]; the picture of a
             round container does not show it.
         hint: what a board tells in addition.

@@ -1,4 +1,8 @@
-"""Tables of the wall points on all scan lines, and where a surface lies on these lines."""
+"""Tables of the wall points on all scan lines, where a surface lies on them, and their pixels.
+
+Through a wall of glass the way from a point to its pixel is found step by step, which costs more
+than all the rest of a measurement: it is done once for a net of points.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +11,15 @@ from numpy.typing import NDArray
 
 from slosh_camera.cylinder import edge_search, silhouette
 from slosh_camera.cylinder.scan_grid import ScanGrid
-from slosh_camera.cylinder.surface_evidence import WallPoints
+from slosh_camera.cylinder.surface import WallPoints
 from slosh_camera.cylinder.tuning import TUNING
+from slosh_camera.optics.cup import CupView
 
 FloatArray = NDArray[np.float64]
 Single = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
+
 
 # Every fourth line is enough to compare surfaces.
 SKIP = 4
@@ -36,7 +42,6 @@ class WallGeometry:
         """Stores the scan lines' wall points in units of the radius.
 
         Args:
-            grid: the scan lines.
             radius: of the container [m].
         """
         rows, lines = grid.shape
@@ -141,3 +146,49 @@ def _stretched(grid: ScanGrid) -> BoolArray:
     step[1:-1] = 0.5 * np.linalg.norm(row[2:] - row[:-2], axis=1)
     usual = float(np.nanmedian(step)) if np.any(np.isfinite(step)) else np.nan
     return np.asarray(~(step < TUNING.stretch * usual))
+
+
+_AZIMUTHS = 180
+_STEP = 2.0 * np.pi / _AZIMUTHS
+_HEIGHTS = 25
+
+
+class WallPixels:
+    """Table of the image positions of a container's wall points by azimuth and height."""
+
+    def __init__(self, view: CupView) -> None:
+        """Projects a grid of wall points into the image, as a look-up table."""
+        self._view = view
+        level = view.cup.rim_level
+        top = TUNING.unknown_rim * view.cup.radius if level is None else level
+        self._low = -view.cup.fill_height
+        self._spacing = (top - self._low) / (_HEIGHTS - 1)
+        heights = self._low + self._spacing * np.arange(_HEIGHTS)
+        azimuth, height = np.meshgrid(_STEP * np.arange(_AZIMUTHS), heights, indexing="ij")
+        pixels = view.project_wall(azimuth.ravel(), height.ravel())
+        self._table: FloatArray = pixels.reshape(_AZIMUTHS, _HEIGHTS, 2)
+        # Next to the container's sides the net is too wide.
+        sides = np.asarray(view.tangent_azimuths())
+        self._exact = {int(side // _STEP + k) % _AZIMUTHS for side in sides for k in range(-4, 5)}
+
+    def __call__(self, azimuth: float, height: float) -> tuple[float, float]:
+        """Returns image column and row of a wall point [px], or NaN if it is not visible.
+
+        Args:
+            azimuth: [rad].
+            height: above the still level [m].
+        """
+        if not (np.isfinite(azimuth) and np.isfinite(height)):
+            return float("nan"), float("nan")
+        across = (azimuth / _STEP) % _AZIMUTHS
+        up = (height - self._low) / self._spacing
+        i, j = int(across) % _AZIMUTHS, int(up)
+        if i in self._exact or not 0 <= j < _HEIGHTS - 1:
+            u, v = self._view.project_wall(azimuth, height)[0]
+            return float(u), float(v)
+        a, b = across - int(across), up - j
+        here, beside = self._table[i], self._table[(i + 1) % _AZIMUTHS]
+        low = (1.0 - a) * here[j] + a * beside[j]
+        high = (1.0 - a) * here[j + 1] + a * beside[j + 1]
+        u, v = (1.0 - b) * low + b * high
+        return float(u), float(v)

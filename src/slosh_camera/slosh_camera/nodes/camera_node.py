@@ -19,14 +19,13 @@ from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compilation import load_telling
 from slosh_base.compiled.compile_cache import sources_digest
 from slosh_base.files.nanoseconds import SECOND
-from slosh_camera.calibrate.camera_file import format_calibration, read_any_calibration
-from slosh_camera.detection.learnt import learnt_detector
+from slosh_camera.calibrate.camera_file import read_any_calibration
+from slosh_camera.detection.detectors import learnt_detector
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image as Pixels
 from slosh_camera.images.decoding import decode_compressed, to_image
 from slosh_camera.measurement import Flag, Measurement, bad_image
-from slosh_camera.nodes.changed_container import FollowingDetector
-from slosh_camera.nodes.driver_info import DriverInfo
+from slosh_camera.nodes.changed_container import DriverInfo, FollowingDetector
 from slosh_msgs.msg import FreeSurface
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
@@ -126,11 +125,8 @@ class CameraNode(PreparedNode):
         if not self._is_raw:
             kind, use = (CompressedImage, self._on_compressed)
         self._looking = FollowingDetector(
-            self, self._calibration, self._detector, self._container,
-            lambda found, stamp_ns: self._settings.publish(
-                {"calibration": format_calibration(found)}, stamp_ns
-            ),
-        )  # fmt: skip
+            self, self._calibration, self._detector, self._container, self._settings
+        )
         type_name = f"sensor_msgs/msg/{kind.__name__}"
         self._topic = SilentTopic(self, self._image, type_name)
         self._rivals = Rivals(self, self._image, type_name)
@@ -253,11 +249,7 @@ def surface_message(measurement: Measurement, frame: str, rim: float | None) -> 
 
 
 class Complaints:
-    """Logs warnings at most once per period, and only a few different ones.
-
-    Args:
-        tell: takes a line.
-    """
+    """Logs warnings at most once per period, and only a few different ones."""
 
     def __init__(self, tell: Callable[[str], object]) -> None:
         self._tell = tell
@@ -269,7 +261,6 @@ class Complaints:
         """Logs a warning unless it was logged recently.
 
         Args:
-            complaint: one line.
             now_ns: by a clock that never jumps [ns].
         """
         self.last = complaint
@@ -333,14 +324,7 @@ class NewestImage:
     """
 
     def __init__(self, node: Node, kind: Any, topic: str, use: Callable[[Any], None]) -> None:
-        """Creates the subscription to the image topic.
-
-        Args:
-            node: the node.
-            kind: Image or CompressedImage.
-            topic: where the images are.
-            use: gets each image.
-        """
+        """Creates the subscription to the image topic."""
         self._node, self._kind, self._topic, self._use = node, kind, topic, use
         self.dropped = 0
         self._last: int | None = None

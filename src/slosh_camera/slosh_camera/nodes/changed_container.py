@@ -1,18 +1,22 @@
-"""Detector of the camera node that adapts when the robot picks up another container."""
+"""What changes beside the camera node: the container, and the lens by the driver's camera_info."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
 from rclpy.node import Node
+from sensor_msgs.msg import CameraInfo
 
+from slosh_camera.calibrate.camera_file import format_calibration
 from slosh_camera.detection.detectors import SurfaceDetector, detector_for
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image
 from slosh_camera.measurement import Flag, Measurement
 from slosh_camera.optics.calibration import AnyCalibration
+from slosh_camera.optics.camera import PinholeCamera, camera_from_info
 from slosh_camera.optics.refilled import refilled
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
@@ -20,6 +24,7 @@ from slosh_model.model_text import parse_model
 from slosh_model.tray import parse_tray
 from slosh_msgs.msg import ContainerChange
 from slosh_msgs_py import qos, topics
+from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.stamps import to_nanoseconds
 
 
@@ -27,7 +32,6 @@ class _Looking(NamedTuple):
     """The detector in use, and the reason if images cannot be measured.
 
     Attributes:
-        detector: the detector.
         why_not: why nothing can be measured; empty: it can.
         wrong: whether that is a fault.
     """
@@ -41,11 +45,10 @@ class FollowingDetector:
     """Measures each image with the calibration of the container held at its stamp.
 
     Args:
-        node: the node.
         calibration: of the container that was calibrated.
         detector: of that one, with what its still image taught.
         place: name of the container on a tray; empty: the first, or the only one.
-        changed: is told the calibration that holds from a stamp on [ns].
+        settings: takes the calibration that holds from a stamp on.
     """
 
     def __init__(
@@ -54,10 +57,10 @@ class FollowingDetector:
         calibration: AnyCalibration,
         detector: SurfaceDetector,
         place: str,
-        changed: Callable[[AnyCalibration, int], None],
+        settings: SettingsPublisher,
     ) -> None:
-        self._node, self._calibration, self._changed = node, calibration, changed
-        self._place = place
+        self._node, self._calibration = node, calibration
+        self._place, self._settings = place, settings
         self._start = self._now = self._next = _Looking(detector)
         self._next_ns, self._is_first = 0, True
         node.create_subscription(
@@ -94,6 +97,9 @@ class FollowingDetector:
             text = f"{topics.CONTAINER}: this container cannot be measured: {error}"
             self._node.get_logger().error(text)
             self._next, self._next_ns = _Looking(self._start.detector, text, wrong=True), stamp_ns
+
+    def _changed(self, found: AnyCalibration, stamp_ns: int) -> None:
+        self._settings.publish({"calibration": format_calibration(found)}, stamp_ns)
 
     def _look(self, message: ContainerChange, stamp_ns: int) -> None:
         before, is_first = self._next, self._is_first
@@ -136,3 +142,105 @@ class FollowingDetector:
             return place, None if one.empty else one.model
         held = parse_model(message.model, f"{topics.CONTAINER}.model")
         return "", held if message.present else None
+
+
+DIFFERENT = 0.02
+"""Focal lengths that differ by this share, or middles by this share of the image's size, are of
+another lens, mode or crop: a height would be wrong by as much."""
+_GRID = 5
+"""Places along each side of the image at which two lenses are compared."""
+
+
+def contradiction(
+    camera: PinholeCamera,
+    width: int,
+    height: int,
+    k: Sequence[float],
+    lens: tuple[str, Sequence[float]] | None = None,
+) -> str:
+    """Describes how a driver's camera_info contradicts the calibration; empty if it agrees.
+
+    Args:
+        width: of the driver's images [px]; 0: it does not say.
+        k: its camera matrix, nine numbers row by row [px]; the first is 0: it does not say.
+        lens: its distortion model and coefficients; None: they do not apply to these images.
+    """
+    told = ""
+    if width and height and (width, height) != camera.size:
+        told = f"{width} x {height} pixels, the calibration {camera.width} x {camera.height}"
+    elif k[0] > 0.0:
+        pairs = {
+            "fx": (k[0], camera.fx, camera.fx),
+            "fy": (k[4], camera.fy, camera.fy),
+            "cx": (k[2], camera.cx, camera.width),
+            "cy": (k[5], camera.cy, camera.height),
+        }
+        for name, (said, known, scale) in pairs.items():
+            if abs(said - known) > DIFFERENT * scale:
+                told = f"{name} = {said:.6g} px, the calibration {known:.6g} px"
+                break
+        if not told and lens is not None:
+            told = _other_lens(camera, width, height, k, lens)
+    remedy = (
+        "calibrate again with the camera's present settings, or correct the driver's configuration"
+    )
+    return f"camera_info gives {told}: {remedy}" if told else ""
+
+
+def _other_lens(
+    camera: PinholeCamera,
+    width: int,
+    height: int,
+    k: Sequence[float],
+    lens: tuple[str, Sequence[float]],
+) -> str:
+    """Describes how far the driver's lens model shifts pixels; empty if the shift is small."""
+    model, coefficients = lens
+    try:
+        driver = camera_from_info(k, coefficients, width, height, model)
+    except SloshCameraError:
+        return f"a lens {model!r} with {len(coefficients)} coefficients, which is not supported"
+    across, down = np.meshgrid(
+        np.linspace(0.0, width - 1, _GRID), np.linspace(0, height - 1, _GRID)
+    )
+    pixels = np.column_stack((across.ravel(), down.ravel()))
+    moved = np.linalg.norm(driver.project(camera.rays(pixels)) - pixels, axis=1)
+    if not np.any(moved > 0.5 * DIFFERENT * width):
+        return ""
+    return (
+        f"a lens {driver.distortion_model} that moves pixels by up to {np.nanmax(moved):.0f} px "
+        f"against the calibration's {camera.distortion_model}"
+    )
+
+
+class DriverInfo:
+    """Subscribes to the driver's camera_info and compares it with the calibration.
+
+    Args:
+        container: that the camera sees on a tray; empty: the first, or the only one.
+
+    Attributes:
+        contradiction: what it says otherwise than the calibration, in one line; empty: nothing.
+    """
+
+    def __init__(self, node: Node, camera: PinholeCamera, container: str = "") -> None:
+        self.contradiction = ""
+        self._camera, self._logger = camera, node.get_logger()
+        images, info = (
+            topics.of_container(name, container) for name in (topics.IMAGE, topics.CAMERA_INFO)
+        )
+        # Rectified images have no distortion left, whatever camera_info says of the raw ones.
+        self._raw = "rect" not in node.resolve_topic_name(images)
+        node.create_subscription(CameraInfo, info, self._take, qos.NEWEST_IN)
+
+    def _take(self, message: CameraInfo) -> None:
+        # Of a part of the sensor, or of binned pixels, the numbers are not those of the image.
+        whole = message.binning_x <= 1 and message.binning_y <= 1 and not message.roi.width
+        k = message.k.tolist()
+        lens = (message.distortion_model, message.d.tolist()) if self._raw else None
+        found = (
+            contradiction(self._camera, message.width, message.height, k, lens) if whole else ""
+        )
+        if found and found != self.contradiction:
+            self._logger.warning(found)
+        self.contradiction = found

@@ -20,9 +20,7 @@ class CameraCalibration(Generic[_View]):
 
     Attributes:
         view: camera, pose and container.
-        camera_name: name of the camera.
         region: region of interest; None: the container as projected.
-        detection: settings of the detector.
         still_image: image of the liquid at rest, from which the detector learns at start; None:
             there is none.
     """

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from slosh_camera.optics.calibration import AnyCalibration, Calibration, SideCalibration
+from slosh_camera.optics.camera import Pose
 from slosh_camera.optics.cup import Cup
-from slosh_camera.optics.pose import Pose
 from slosh_model.containers import Container
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.shapes.rectangle import Rectangle
