@@ -18,7 +18,7 @@ from slosh_camera.calibrate.curves import (
 )
 from slosh_camera.calibrate.edges import EdgeImage, edge_image
 from slosh_camera.calibrate.fit import NO_HINT, Hint, PlaceFit, fit_place
-from slosh_camera.calibrate.level import asked, check_line, levels_of
+from slosh_camera.calibrate.level import asked, check_exchange, check_line, levels_of
 from slosh_camera.calibrate.outline import find_outline
 from slosh_camera.calibrate.pose import (
     KNOWN,
@@ -142,7 +142,11 @@ def _check_level(task: _Task, answer: StillFit) -> None:
     small = _smaller(task, _shrink(task.camera))
     place, _ = place_of(answer.view.pose)
     cup = answer.view.cup
-    check_line(edge_image(small.image), view_at(small.camera, cup, place))
+    edges, view = edge_image(small.image), view_at(small.camera, cup, place)
+    check_line(edges, view)
+    front, rear = (shares.get(one.value, 0.0) for one in (Curve.FRONT, Curve.REAR))
+    if min(front, rear) < TUNING.least_share:
+        check_exchange(edges, view, Curve.FRONT if front >= rear else Curve.REAR)
 
 
 def _sound(fit: PlaceFit | None, task: _Task) -> StillFit | None:
