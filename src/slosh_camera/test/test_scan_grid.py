@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from slosh_camera.cylinder.scan_grid import build_scan_grid
+from slosh_camera.cylinder.wall_geometry import build_scan_grid
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.camera import PinholeCamera, look_at
 from slosh_camera.optics.cup import Cup, CupView, Wall

@@ -28,7 +28,7 @@ class CalibrateTuning:
     curve_spacing: float = number(2.0, "px", "distance of samples along a curve")
     shine: float = number(0.47, "px", "shift of a shiny edge, 0.46 to 0.56 by Fresnel's formulas")
     separate_lines: float = number(6.0, "px", "distance below which front and rear line are one")
-    # doubt.py
+    # pose.py
     least_told: float = number(0.05, "1", "least part of a given length")
     # edges.py
     smoothing: float = number(1.0, "px", "smoothing before derivatives, against blocks of JPEG")
@@ -67,7 +67,7 @@ class CalibrateTuning:
     exchanged: float = number(1.15, "1", "misfit of the other line that is as good")
     least_rear: float = number(0.3, "1", "least part of the rear line where it should be")
     better: float = number(1.5, "1", "strength of another line that is more like a level")
-    # lines.py
+    # edges.py, upright lines
     most_lean: float = number(0.36, "px/row", "largest lean of a line against the columns")
     lean_error: float = number(0.15, "px/row", "largest lean of an edge against its line")
     vote_reach: float = number(1.6, "px", "distance of an edge that belongs to a line")
@@ -142,7 +142,7 @@ class CalibrateTuning:
     most_inclination: float = number(math.radians(20.0), "rad", "largest inclination of a scale")
     scale_click: float = number(1.0, "px", "standard error of a click on a scale")
     one_scale: float = number(0.03, "1", "relative error of one scale for all places")
-    # warning_words.py
+    # still_fit.py, warnings
     most_height_error: float = number(1e-3, "m", "standard error of a height without a warning")
     doubtful_offset: float = number(1.0, "px", "offset of edges that is worth a warning")
 

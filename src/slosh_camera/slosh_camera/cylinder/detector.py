@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from slosh_base.types import Array
 from slosh_camera.cylinder.container_edges import ContainerEdges
 from slosh_camera.cylinder.front_line import FrontLineFinder
-from slosh_camera.cylinder.scan_grid import build_scan_grid
 from slosh_camera.cylinder.still_reference import REMEDY, StillReference, StillReferenceFinder
 from slosh_camera.cylinder.surface import USUAL_FADE, FadeShare, Prior, SurfaceFit, Unrolled
 from slosh_camera.cylinder.surface_choice import SurfaceChooser
@@ -27,7 +26,7 @@ from slosh_camera.cylinder.surface_fit import SurfaceFitter
 from slosh_camera.cylinder.surface_memory import SurfaceMemory
 from slosh_camera.cylinder.surface_reading import SurfaceReading, surface_flags
 from slosh_camera.cylinder.tuning import TUNING
-from slosh_camera.cylinder.wall_geometry import WallGeometry, WallPixels
+from slosh_camera.cylinder.wall_geometry import WallGeometry, WallPixels, build_scan_grid
 from slosh_camera.images.seams import RepeatedFrames, SeamFinder, Steps
 from slosh_camera.images.still_edges import PLACES, Edge, StillEdges, along_end, along_side
 from slosh_camera.measurement import Flag, Measurement, PeakSide

@@ -23,10 +23,9 @@ from slosh_base.compiled.compilation import GIVEN_1, entry_point
 from slosh_camera.cylinder import edge_search
 from slosh_camera.cylinder.appearance import Backdrop, Tone, find_tone, median, percentile
 from slosh_camera.cylinder.edge_search import PICTURE, STEPS, fall_above, has_stood
-from slosh_camera.cylinder.scan_grid import ScanGrid
 from slosh_camera.cylinder.surface import SurfaceFit, Unrolled, WallPoints
 from slosh_camera.cylinder.tuning import TUNING
-from slosh_camera.cylinder.wall_geometry import WallGeometry
+from slosh_camera.cylinder.wall_geometry import ScanGrid, WallGeometry
 from slosh_camera.measurement import Flag
 from slosh_camera.settings import DetectionSettings, LiquidContrast
 

@@ -17,13 +17,12 @@ from numpy.typing import NDArray
 from slosh_camera.cylinder.appearance import looks_like_surroundings
 from slosh_camera.cylinder.container_edges import ContainerEdges
 from slosh_camera.cylinder.front_line import FrontBias, FrontLineFinder, no_edges, stationary_edges
-from slosh_camera.cylinder.scan_grid import ScanGrid
 from slosh_camera.cylinder.surface import SHAPES, Prior, SurfaceFit, Unrolled, WallPoints
 from slosh_camera.cylinder.surface_choice import SurfaceChooser
 from slosh_camera.cylinder.surface_comparison import SurfaceComparison
 from slosh_camera.cylinder.surface_reading import surface_flags
 from slosh_camera.cylinder.tuning import TUNING
-from slosh_camera.cylinder.wall_geometry import WallGeometry
+from slosh_camera.cylinder.wall_geometry import ScanGrid, WallGeometry
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag
 from slosh_camera.optics.cup import CupView

@@ -1,15 +1,18 @@
-"""What changes beside the camera node: the container, and the lens by the driver's camera_info."""
+"""What comes to the camera node: images, another container, and the driver's camera_info."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo
 
+from slosh_base.files.nanoseconds import SECOND
 from slosh_camera.calibrate.camera_file import format_calibration
 from slosh_camera.detection.detectors import SurfaceDetector, detector_for
 from slosh_camera.errors import SloshCameraError
@@ -25,7 +28,11 @@ from slosh_model.tray import parse_tray
 from slosh_msgs.msg import ContainerChange
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.settings import SettingsPublisher
+from slosh_msgs_py.node.speakers import WithInfo
 from slosh_msgs_py.stamps import to_nanoseconds
+
+_REMEMBERED = 40
+_ENOUGH = 8
 
 
 class _Looking(NamedTuple):
@@ -244,3 +251,89 @@ class DriverInfo:
         if found and found != self.contradiction:
             self._logger.warning(found)
         self.contradiction = found
+
+
+class NewestImage:
+    """Image subscription that drops all waiting images except the newest.
+
+    The queue holds one image, so that work never lags behind by more than that. It reads
+    reliably: of large images read as best effort Fast DDS loses many. Where a publisher offers
+    no more than best effort, that is taken.
+
+    Attributes:
+        dropped: images that were published and not read: a newer one came, or they were lost.
+    """
+
+    def __init__(self, node: Node, kind: Any, topic: str, use: Callable[[Any], None]) -> None:
+        """Creates the subscription to the image topic."""
+        self._node, self._kind, self._topic, self._use = node, kind, topic, use
+        self.dropped = 0
+        self._last: int | None = None
+        self._subscription = self._subscribe(qos.IMAGE_RELIABLE_IN)
+
+    @property
+    def is_reliable(self) -> bool:
+        """Whether the subscription's QoS is reliable."""
+        return bool(self._subscription.qos_profile == qos.IMAGE_RELIABLE_IN)
+
+    def _subscribe(self, profile: Any) -> Any:
+        events = SubscriptionEventCallbacks(
+            incompatible_qos=self._on_incompatible, use_default_callbacks=False
+        )
+        callback = WithInfo(self._on_image)
+        return self._node.create_subscription(
+            self._kind, self._topic, callback, profile, event_callbacks=events
+        )
+
+    def _on_incompatible(self, event: Any) -> None:
+        if self.is_reliable:
+            self._node.get_logger().warning(
+                f"{self._topic}: a publisher offers best effort only, some images may be lost"
+            )
+            reliable = self._subscription
+            self._subscription = self._subscribe(qos.IMAGE_IN)
+            self._node.destroy_subscription(reliable)
+            self._last = None
+
+    def _on_image(self, message: Any, info: Mapping[str, Any]) -> None:
+        number = info.get("publication_sequence_number")
+        if number is not None:
+            # A publisher that starts anew counts from the beginning.
+            if self._last is not None and number > self._last:
+                self.dropped += number - self._last - 1
+            self._last = number
+        self._use(message)
+
+
+class FrameGaps:
+    """Counts frames that are missing in an image stream.
+
+    A gap of more than a second is a pause of the camera, not a loss. Where every second frame is
+    lost from the start, nothing in the stamps shows it: then only a stated rate does.
+
+    Args:
+        rate: frames per second of the camera [Hz]; 0: the one that the stamps show.
+    """
+
+    def __init__(self, rate: float = 0.0) -> None:
+        self._period_ns = SECOND / rate if rate > 0.0 else 0.0
+        self._intervals: deque[int] = deque(maxlen=_REMEMBERED)
+        self._last_ns: int | None = None
+        self.missing = 0
+
+    def add(self, stamp_ns: int) -> None:
+        """Adds the stamp of the next frame [ns]; a decreasing stamp resets the counter."""
+        last_ns, self._last_ns = self._last_ns, stamp_ns
+        if last_ns is None or not 0 < stamp_ns - last_ns <= SECOND:
+            return
+        interval = stamp_ns - last_ns
+        period = self._period_ns or self._learned()
+        self._intervals.append(interval)
+        if period > 0.0:
+            self.missing += max(round(interval / period) - 1, 0)
+
+    def _learned(self) -> float:
+        if len(self._intervals) < _ENOUGH:
+            return 0.0
+        # The lower quartile: right as long as three of four gaps may be due to losses.
+        return float(sorted(self._intervals)[len(self._intervals) // 4])
