@@ -133,9 +133,6 @@ def find_board(image: Image, camera: PinholeCamera, board: Board) -> BoardFit:
     Args:
         image: (height, width) grey or (height, width, 3) blue-green-red.
 
-    Returns:
-        Its pose.
-
     Raises:
         SloshCameraError: this OpenCV knows no boards, the board is not seen, or its pose is not
             determined.

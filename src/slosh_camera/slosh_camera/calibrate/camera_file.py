@@ -77,9 +77,6 @@ _T = TypeVar("_T")
 def read_calibration(path: str | Path) -> Calibration:
     """Reads the calibration file of a camera that views a cylinder or frustum through its wall.
 
-    Args:
-        path: the file, usually camera.yaml.
-
     Returns:
         The calibration, of a cylinder or a frustum.
 
@@ -92,12 +89,6 @@ def read_calibration(path: str | Path) -> Calibration:
 
 def read_any_calibration(path: str | Path) -> AnyCalibration:
     """Reads the calibration file of a view through the wall or of a side view.
-
-    Args:
-        path: the file, usually camera.yaml.
-
-    Returns:
-        The calibration.
 
     Raises:
         SloshCameraError: the file cannot be read or a value cannot be used; the message names
@@ -116,9 +107,6 @@ def parse_calibration(
         source: name of the file in error messages.
         folder: where relative paths in the text start; None: they are kept as they are.
 
-    Returns:
-        The calibration.
-
     Raises:
         SloshCameraError: as read_calibration.
     """
@@ -134,9 +122,6 @@ def parse_any_calibration(
         text: YAML.
         source: name of the file in error messages.
         folder: where relative paths in the text start; None: they are kept as they are.
-
-    Returns:
-        The calibration.
 
     Raises:
         SloshCameraError: as read_any_calibration.

@@ -97,9 +97,6 @@ def find_edges(
         outermost: take the edge farthest along the normal of those that are not much weaker
             than the strongest (a glass wall has an outer and an inner edge); otherwise the
             strongest, near ones before far ones.
-
-    Returns:
-        One edge per point.
     """
     if len(points) == 0:
         return FoundEdges(np.empty((0, 2)), np.empty(0))

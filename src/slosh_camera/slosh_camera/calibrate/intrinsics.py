@@ -41,9 +41,6 @@ def read_known_camera(path: str | Path) -> KnownCamera:
     Args:
         path: file of ROS camera_calibration, or a camera.yaml.
 
-    Returns:
-        What it tells.
-
     Raises:
         SloshCameraError: the file cannot be read or a value cannot be used; the message names
             the file and the key.
@@ -81,9 +78,6 @@ def camera_of_view(width: int, height: int, field_of_view: float) -> PinholeCame
 
 def camera_of(root: Mapping[str, Any], source: YamlDocument) -> PinholeCamera:
     """Creates the camera from a YAML mapping with the keys of ROS camera_calibration.
-
-    Returns:
-        The camera.
 
     Raises:
         SloshCameraError: a value cannot be used; the message names the file and the key.

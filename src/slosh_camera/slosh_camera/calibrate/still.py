@@ -69,9 +69,6 @@ def calibrate_by_edges(
         distance: of the camera from the container's axis, to a tenth [m]; None: unknown.
         level: a pixel on the contact line of the still level, to a pixel or two; None: unknown.
 
-    Returns:
-        The pose.
-
     Raises:
         SloshCameraError: the image does not fit the camera, or does not determine the pose.
     """

@@ -266,9 +266,6 @@ def build_scan_grid(view: CupView, given: RegionOfInterest | None) -> ScanGrid:
         view: the container as the camera sees it.
         given: the user's rectangle of the image; None: the whole image.
 
-    Returns:
-        The grid.
-
     Raises:
         SloshCameraError: the container is not upright in the image, or too little of it is
             inside.

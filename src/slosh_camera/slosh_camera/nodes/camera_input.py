@@ -18,9 +18,8 @@ from slosh_camera.detection.detectors import SurfaceDetector, detector_for
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image
 from slosh_camera.measurement import Flag, Measurement
-from slosh_camera.optics.calibration import AnyCalibration
+from slosh_camera.optics.calibration import AnyCalibration, refilled
 from slosh_camera.optics.camera import PinholeCamera, camera_from_info
-from slosh_camera.optics.refilled import refilled
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model

@@ -160,9 +160,6 @@ def camera_from_info(
         width: image width [px].
         height: image height [px].
 
-    Returns:
-        The camera.
-
     Raises:
         SloshCameraError: the camera is not calibrated (K[0] is 0), a number is not finite, or
             the distortion model is not supported.

@@ -119,9 +119,6 @@ class SideViewDetector:
         Args:
             stamp_ns: moment of exposure [ns].
 
-        Returns:
-            The measurement.
-
         Raises:
             SloshCameraError: as measure.
         """

@@ -110,9 +110,6 @@ def refined_shape(
         z: (N,) heights [m].
         floor: least scatter that is assumed [m].
         bounds: places and heights above which the line is known to lie there [m].
-
-    Returns:
-        The shape.
     """
     functions = np.vstack((start.waves.basis(x), start.waves.basis(bounds[0])))
     target = np.concatenate((z, bounds[1]))

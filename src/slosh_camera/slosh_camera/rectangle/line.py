@@ -68,9 +68,6 @@ def split_columns(speaks: Single, region: SideRegion) -> ColumnSplit:
 
     Args:
         speaks: (rows, columns) evidence of half the size.
-
-    Returns:
-        The boundaries.
     """
     inside = region.inside[::2, ::2]
     # Neighbours are heard as well: the line goes on from column to column.
@@ -121,9 +118,6 @@ def refine_edges(channel: Image, edges: Image, expected: FloatArray, contrast: f
         channel: (rows, columns) of the region, blurred.
         expected: (columns,) rows; NaN where no edge is looked for.
         contrast: background less liquid [grey levels].
-
-    Returns:
-        The edges.
     """
     rows, columns = channel.shape
     margin = TUNING.window + _SUPPORT

@@ -68,9 +68,6 @@ def describe(line: TracedLine, view: BoxView) -> Profile:
 
     Args:
         view: the container as the camera sees it.
-
-    Returns:
-        What the line says.
     """
     half = 0.5 * view.box.width
     x = _places(view.box.width)

@@ -89,9 +89,6 @@ def find_side_region(view: BoxView, given: RegionOfInterest | None) -> SideRegio
         view: the container as the camera sees it.
         given: the user's rectangle; None: the whole image.
 
-    Returns:
-        The region.
-
     Raises:
         SloshCameraError: too little of the face is inside the image or the rectangle.
     """

@@ -144,9 +144,6 @@ def trace_line(
         view: the container as the camera sees it.
         knowledge: what the liquid at rest has taught.
         image: (height, width) or (height, width, 3) of the calibrated camera.
-
-    Returns:
-        What the image shows.
     """
     part = image[region.window]
     dark, bright = brightness(part, region)
