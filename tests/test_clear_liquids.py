@@ -14,11 +14,11 @@ from camera_sequences import FrameTruth, read_image, read_sequence
 from slosh_bringup.cli.main import main
 from slosh_camera.calibrate.camera_file import format_calibration
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
-from slosh_camera.detection.learnt import learnt_detector, still_doubt
+from slosh_camera.detection.detectors import learnt_detector, still_doubt
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag, Measurement
+from slosh_camera.optics.camera import Pose
 from slosh_camera.optics.cup import CupView
-from slosh_camera.optics.pose import Pose
 
 SCENES = Path(__file__).parent / "scenes"
 MM = 1e-3

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from camera_sequences import FrameTruth, read_sequence
 
-from slosh_camera.detection.learnt import learnt_detector
+from slosh_camera.detection.detectors import learnt_detector
 from slosh_camera.measurement import Flag, Measurement
 
 SCENES = Path(__file__).parent / "scenes"

@@ -23,9 +23,8 @@ from slosh_camera.calibrate.still_fit import StillFit
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import PeakSide
 from slosh_camera.optics.calibration import Calibration
-from slosh_camera.optics.camera import camera_from_info
+from slosh_camera.optics.camera import Pose, camera_from_info
 from slosh_camera.optics.cup import Cup, CupView
-from slosh_camera.optics.pose import Pose
 
 Image = NDArray[np.uint8]
 

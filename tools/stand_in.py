@@ -29,9 +29,8 @@ from slosh_bringup.live.cell_setup import NAMESPACE
 from slosh_bringup.processes import NodeProcess, node_environment
 from slosh_camera.calibrate.camera_file import format_calibration
 from slosh_camera.optics.calibration import Calibration
-from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.camera import PinholeCamera, look_at
 from slosh_camera.optics.cup import Cup, CupView
-from slosh_camera.optics.pose import look_at
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.model_text import format_model, read_model

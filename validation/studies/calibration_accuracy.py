@@ -23,8 +23,7 @@ from camera_sequences import (
 )
 from camera_tables import replace_table
 
-from slosh_camera.calibrate.still_fit import HEIGHTS
-from slosh_camera.calibrate.warning_words import warnings_of
+from slosh_camera.calibrate.still_fit import HEIGHTS, warnings_of
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.cup import CupView, Wall
 

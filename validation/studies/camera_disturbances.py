@@ -20,9 +20,8 @@ from camera_sequences import FrameTruth, Image, RenderedSequence
 from numpy.typing import NDArray
 
 from slosh_camera.optics.calibration import Calibration
-from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.camera import PinholeCamera, Pose
 from slosh_camera.optics.cup import CupView
-from slosh_camera.optics.pose import Pose
 
 FloatArray = NDArray[np.float64]
 

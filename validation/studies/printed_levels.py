@@ -23,7 +23,7 @@ from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.cup import Cup, CupView, Wall
 from slosh_testing.drawn_cup import Scene
 
-WRONG = 2e-3
+WRONG = 1.5e-3
 """Height by which an accepted level is off that is wrong [m]."""
 _BACK = 215
 

@@ -24,9 +24,8 @@ from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.decoding import read_image
 from slosh_camera.measurement import Flag
 from slosh_camera.optics.calibration import Calibration
-from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.camera import PinholeCamera, Pose
 from slosh_camera.optics.cup import Cup, CupView
-from slosh_camera.optics.pose import Pose
 from slosh_model.model_text import parse_container
 
 ROOT = Path(__file__).resolve().parents[2]

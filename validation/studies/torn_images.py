@@ -26,8 +26,8 @@ from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.measurement import Flag, Measurement
 from slosh_camera.optics.calibration import Calibration
+from slosh_camera.optics.camera import look_at
 from slosh_camera.optics.cup import CupView
-from slosh_camera.optics.pose import look_at
 
 CAMERA = Path(__file__).resolve().parents[2] / "src" / "slosh_bringup" / "config" / "camera.yaml"
 Image = NDArray[np.uint8]

@@ -24,7 +24,7 @@ from slosh_model.errors import SloshModelError
 
 MODULES = (
     "slosh_model",
-    "slosh_camera.detection.learnt",
+    "slosh_camera.detection.detectors",
     "slosh_estimator.estimator",
     "slosh_estimator.observer.observer",
     "slosh_motion.inputs.pose_input",

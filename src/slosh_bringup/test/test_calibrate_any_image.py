@@ -14,8 +14,8 @@ from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.decoding import read_image
+from slosh_camera.optics.camera import look_at
 from slosh_camera.optics.cup import CupView
-from slosh_camera.optics.pose import look_at
 
 SHIPPED = read_calibration(config_folder() / "camera.yaml").view
 SIZES = (1, 2, 3, 7, 17, 64, 160, 240, 320)

@@ -13,8 +13,8 @@ from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_camera.calibrate.tuning import TUNING
+from slosh_camera.optics.camera import look_at
 from slosh_camera.optics.cup import CupView, Wall
-from slosh_camera.optics.pose import look_at
 from slosh_testing.commands import complaint
 
 SHIPPED = read_calibration(config_folder() / "camera.yaml").view

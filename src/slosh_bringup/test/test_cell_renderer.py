@@ -15,8 +15,8 @@ from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.measurement import PeakSide
+from slosh_camera.optics.camera import look_at
 from slosh_camera.optics.cup import CupView
-from slosh_camera.optics.pose import look_at
 
 CALIBRATION = read_calibration(config_folder() / "camera.yaml")
 VIEW = CALIBRATION.view

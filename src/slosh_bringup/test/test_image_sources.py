@@ -11,7 +11,7 @@ from slosh_bringup.detect.video import edited_duration
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.decoding import read_image
-from slosh_camera.images.tiff_pages import tiff_pages
+from slosh_camera.images.headers import tiff_pages
 
 COUNT, RATE = 30, 30.0
 START = 1_700_000_000

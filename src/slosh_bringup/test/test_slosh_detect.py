@@ -21,7 +21,7 @@ from slosh_camera.calibrate.camera_file import format_calibration, read_calibrat
 from slosh_camera.measurement import Measurement
 from slosh_camera.optics.box import Box, BoxView
 from slosh_camera.optics.calibration import SideCalibration
-from slosh_camera.optics.pose import Pose
+from slosh_camera.optics.camera import Pose
 
 CAMERA = str(config_folder() / "camera.yaml")
 HEIGHTS = [0.004 + 0.002 * k for k in range(9)]

@@ -82,7 +82,6 @@ class Measurement:
         peak_side: the wall that carries the peak.
         level_change: level of the liquid above that of the still image [m], where it has changed.
         level_change_stddev: standard deviation of level_change [m].
-        flags: what limits the measurement.
     """
 
     stamp_ns: int

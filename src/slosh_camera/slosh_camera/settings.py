@@ -22,12 +22,6 @@ class LiquidContrast(Enum):
 class RegionOfInterest:
     """Image rectangle in which the container is searched [px].
 
-    Attributes:
-        x_offset: leftmost column.
-        y_offset: uppermost row.
-        width: number of columns.
-        height: number of rows.
-
     >>> RegionOfInterest(x_offset=100, y_offset=50, width=400, height=300).width  # px
     400
     """

@@ -3,9 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slosh_camera.cylinder.appearance import Tone, find_tone, percentile
-from slosh_camera.cylinder.medians import median
-from slosh_camera.cylinder.surroundings import Backdrop
+from slosh_camera.cylinder.appearance import Backdrop, Tone, find_tone, median, percentile
 
 ROWS, LINES = 160, 90
 BODY = slice(100, 150)

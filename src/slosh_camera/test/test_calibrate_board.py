@@ -20,9 +20,8 @@ from slosh_camera.calibrate.outline import find_outline
 from slosh_camera.calibrate.pose import CameraPlace, place_of, pose_of
 from slosh_camera.calibrate.still import calibrate_by_edges
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.camera import PinholeCamera, Pose
 from slosh_camera.optics.cup import Cup, Wall
-from slosh_camera.optics.pose import Pose
 
 pytestmark = pytest.mark.skipif(
     not hasattr(getattr(cv2, "aruco", None), "CharucoBoard"),

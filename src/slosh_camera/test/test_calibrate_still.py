@@ -9,14 +9,12 @@ import cv2
 import numpy as np
 import pytest
 
-from slosh_camera.calibrate.doubt import GivenDeviations
 from slosh_camera.calibrate.fit import Hint
-from slosh_camera.calibrate.pose import place_of, pose_of
+from slosh_camera.calibrate.pose import GivenDeviations, place_of, pose_of
 from slosh_camera.calibrate.still import calibrate_by_edges, check_pose
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.optics.camera import camera_from_info
+from slosh_camera.optics.camera import Pose, camera_from_info
 from slosh_camera.optics.cup import Cup, CupView, Wall
-from slosh_camera.optics.pose import Pose
 
 SHARED = Path(os.environ.get("SLOSH_SHARED_DATA", Path(__file__).parents[4] / "shared" / "data"))
 RENDERED = SHARED / "rendered"

@@ -13,8 +13,7 @@ from slosh_camera.calibrate.camera_file import (
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.box import Box, BoxView
 from slosh_camera.optics.calibration import SideCalibration
-from slosh_camera.optics.camera import PinholeCamera
-from slosh_camera.optics.pose import Pose, look_at
+from slosh_camera.optics.camera import PinholeCamera, Pose, look_at
 
 CAMERA = PinholeCamera(640, 480, 1600.0, 1600.0, 319.5, 239.5, (-0.1, 0.02, 0.001, -0.001, 0.0))
 BOX = Box(0.08, 0.06, 0.04, 0.003, 1.49, 0.11)

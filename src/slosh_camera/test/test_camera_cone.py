@@ -15,11 +15,9 @@ from slosh_camera.calibrate.still import calibrate_by_edges
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag
-from slosh_camera.optics.calibration import Calibration
-from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.calibration import Calibration, refilled
+from slosh_camera.optics.camera import PinholeCamera, look_at
 from slosh_camera.optics.cup import Cup, CupView, Wall
-from slosh_camera.optics.pose import look_at
-from slosh_camera.optics.refilled import refilled
 from slosh_model.shapes import Bottle, Frustum
 
 CAMERA = PinholeCamera(480, 360, fx=800.0, fy=800.0, cx=239.5, cy=179.5)

@@ -5,9 +5,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.optics.camera import PinholeCamera, camera_from_info
+from slosh_camera.optics.camera import PinholeCamera, Pose, camera_from_info, look_at
 from slosh_camera.optics.cup import Cup, CupView, Wall
-from slosh_camera.optics.pose import Pose, look_at
 
 # Straight rays; test_lens.py has the wall that bends them.
 CUP = Cup(0.05, 0.07, wall_thickness=0.002, rim_height=0.12, wall_refractive_index=1.0)

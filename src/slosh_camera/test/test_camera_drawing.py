@@ -8,7 +8,7 @@ from slosh_camera.detection.drawing import captions, draw_detail, draw_measureme
 from slosh_camera.measurement import Flag, Measurement, bad_image
 from slosh_camera.optics.box import Box, BoxView
 from slosh_camera.optics.calibration import SideCalibration
-from slosh_camera.optics.pose import Pose
+from slosh_camera.optics.camera import Pose
 
 
 def test_line_and_peak_are_drawn_where_they_are(make_scene):

@@ -11,7 +11,7 @@ from slosh_camera.calibrate.camera_file import (
     parse_calibration,
     read_calibration,
 )
-from slosh_camera.detection.learnt import read_still_image
+from slosh_camera.detection.detectors import read_still_image
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.settings import DetectionSettings, LiquidContrast, RegionOfInterest
 

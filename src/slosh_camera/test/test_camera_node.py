@@ -17,7 +17,8 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from slosh_base.files.nanoseconds import SECOND
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag, Measurement
-from slosh_camera.nodes.camera_node import CameraNode, Complaints, FrameGaps, surface_message
+from slosh_camera.nodes.camera_input import FrameGaps
+from slosh_camera.nodes.camera_node import CameraNode, Complaints, surface_message
 from slosh_msgs.msg import ContainerChange, FreeSurface
 from slosh_msgs_py import images, qos, topics
 from slosh_msgs_py.conversions import filled

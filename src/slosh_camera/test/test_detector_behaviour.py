@@ -9,12 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
-from slosh_camera.cylinder.scan_grid import build_scan_grid
 from slosh_camera.cylinder.still_reference import StillReferenceFinder
+from slosh_camera.cylinder.surface import SHAPES, Prior
 from slosh_camera.cylinder.surface_choice import SurfaceChooser
-from slosh_camera.cylinder.surface_modes import SHAPES
-from slosh_camera.cylinder.surface_prior import Prior
-from slosh_camera.cylinder.wall_geometry import WallGeometry
+from slosh_camera.cylinder.wall_geometry import WallGeometry, build_scan_grid
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag, Measurement, PeakSide
 

@@ -6,7 +6,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.special import erf
 
 from slosh_camera.cylinder import edge_search
-from slosh_camera.cylinder.stationary_edges import no_edges
+from slosh_camera.cylinder.front_line import no_edges
 
 ROWS = 80
 FIRST = np.zeros(100, np.int64)

@@ -247,7 +247,7 @@ def test_a_detector_that_starts_to_work_has_compiled_all_that_it_needs(make_scen
     (tmp_path / "given").write_bytes(pickle.dumps((scene.calibration(), image)))
     program = """
 import pickle, sys
-from slosh_camera.detection.learnt import learnt_detector
+from slosh_camera.detection.detectors import learnt_detector
 from slosh_base.compiled.compilation import EntryPoint, entry_points
 calibration, image = pickle.load(sys.stdin.buffer)
 detector = learnt_detector(calibration)

@@ -5,9 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from slosh_camera.cylinder.front_bias import FrontBias
-from slosh_camera.cylinder.surface_evidence import WallPoints
-from slosh_camera.cylinder.surface_modes import SHAPES, wall_shapes
+from slosh_camera.cylinder.front_line import FrontBias
+from slosh_camera.cylinder.surface import SHAPES, WallPoints, wall_shapes
 
 MM, LINES, ROW = 1e-3, 60, 0.4e-3
 AZIMUTH = np.linspace(-2.6, -0.5, LINES)

@@ -4,8 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from slosh_camera.calibrate.aruco import drawn_board
-from slosh_camera.calibrate.board import Board
+from slosh_camera.calibrate.board import Board, drawn_board
 from slosh_camera.calibrate.board_views import Chessboard, fit_camera, parse_target
 from slosh_camera.errors import SloshCameraError
 from slosh_testing.board_scene import (

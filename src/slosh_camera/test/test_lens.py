@@ -16,10 +16,9 @@ from scipy.optimize import minimize
 from slosh_camera.calibrate.board_views import format_camera
 from slosh_camera.calibrate.intrinsics import read_known_camera
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.optics.camera import PinholeCamera, camera_from_info
+from slosh_camera.optics.camera import PinholeCamera, Pose, camera_from_info, look_at
 from slosh_camera.optics.cup import Cup, CupView, Wall
 from slosh_camera.optics.lens import COEFFICIENTS, lens_of, lens_parameters
-from slosh_camera.optics.pose import Pose, look_at
 from slosh_camera.optics.refraction import GlassWall
 
 RADIAL = st.floats(-0.3, 0.3)

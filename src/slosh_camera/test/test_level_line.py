@@ -6,11 +6,13 @@ import cv2
 import numpy as np
 import pytest
 
+from slosh_camera.calibrate.curves import Curve, view_at
 from slosh_camera.calibrate.edges import edge_image
-from slosh_camera.calibrate.level import check_line
+from slosh_camera.calibrate.level import _from_other_side, check_exchange, check_line
+from slosh_camera.calibrate.pose import place_of
 from slosh_camera.calibrate.still import calibrate_by_edges
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.optics.pose import Pose
+from slosh_camera.optics.camera import Pose
 
 LOOKS = {
     "dark": {},
@@ -90,3 +92,42 @@ def test_a_ring_without_a_rear_line_is_no_level(make_scene, height):
         SloshCameraError, match=r"neither the rear line nor the floor.*--level U V"
     ):
         calibrate_by_edges(image, truth.camera, truth.cup)
+
+
+def banded(scene, low, high, colour=(60, 60, 60)):
+    """Returns the picture of a scene with a thick ring between two heights [m]."""
+    azimuth = scene.camera_azimuth + np.deg2rad(np.linspace(-80.0, 80.0, 61))
+    across = scene.radius * np.column_stack((np.cos(azimuth), np.sin(azimuth)))
+    lower, upper = (np.column_stack((across, np.full(61, z))) for z in (low, high))
+    outline = np.rint(scene.project(np.vstack((lower, upper[::-1]))) * 16).astype(np.int32)
+    image = cv2.cvtColor(scene.with_sides(scene.draw()), cv2.COLOR_GRAY2BGR)
+    cv2.fillPoly(image, [outline], colour, cv2.LINE_AA, 4)
+    return image
+
+
+def test_the_edge_of_a_ring_close_above_a_pale_level_is_not_the_level(make_scene):
+    """Both are within the windows of one step: what is between them has the air's colour."""
+    scene = make_scene(liquid=190, surface=212, camera_height=0.07)
+    image = edge_image(banded(scene, 0.0055, 0.0085))
+    with pytest.raises(SloshCameraError, match="the colours part 5 mm below the best fit"):
+        check_line(image, believed(scene, 0.005))
+    check_line(image, believed(scene, 0.0))
+
+
+@pytest.mark.parametrize("height", [0.03, 0.06])
+def test_the_rear_line_of_a_level_is_not_its_front_line(make_scene, height):
+    """A liquid that looks as its surface shows the rear line alone, which bows as a front one
+    does that is seen from below."""
+    scene = make_scene(liquid=60, surface=60, camera_height=height)
+    image, view = edge_image(scene.with_sides(scene.draw())), scene.calibration().view
+    below = _from_other_side(place_of(view.pose)[0], view.cup, -height)
+    with pytest.raises(SloshCameraError, match=r"the rear one of a level \d+ mm below") as caught:
+        check_exchange(image, view_at(view.camera, view.cup, below), Curve.FRONT)
+    assert "--level U V" in str(caught.value)
+
+
+@pytest.mark.parametrize("height", [0.08, -0.08])
+def test_a_front_line_is_not_the_rear_one(make_scene, height):
+    scene = make_scene(liquid=60, surface=205, camera_height=height)
+    image = edge_image(scene.with_sides(scene.draw()))
+    check_exchange(image, scene.calibration().view, Curve.FRONT)

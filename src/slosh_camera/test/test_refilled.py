@@ -5,10 +5,8 @@ import pytest
 
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.box import Box, BoxView
-from slosh_camera.optics.calibration import SideCalibration
-from slosh_camera.optics.camera import PinholeCamera
-from slosh_camera.optics.pose import look_at
-from slosh_camera.optics.refilled import refilled
+from slosh_camera.optics.calibration import SideCalibration, refilled
+from slosh_camera.optics.camera import PinholeCamera, look_at
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.shapes.rectangle import Rectangle
 

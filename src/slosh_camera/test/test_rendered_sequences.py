@@ -13,9 +13,8 @@ import pytest
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.measurement import Flag, Measurement
 from slosh_camera.optics.calibration import Calibration
-from slosh_camera.optics.camera import camera_from_info
+from slosh_camera.optics.camera import Pose, camera_from_info
 from slosh_camera.optics.cup import Cup, CupView
-from slosh_camera.optics.pose import Pose
 
 SHARED = Path(os.environ.get("SLOSH_SHARED_DATA", Path(__file__).parents[4] / "shared" / "data"))
 SEQUENCES = SHARED / "rendered"

@@ -2,11 +2,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from slosh_camera.cylinder.scan_grid import build_scan_grid
+from slosh_camera.cylinder.wall_geometry import build_scan_grid
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.camera import PinholeCamera, look_at
 from slosh_camera.optics.cup import Cup, CupView, Wall
-from slosh_camera.optics.pose import look_at
 from slosh_camera.settings import RegionOfInterest
 
 WIDTH, HEIGHT = 640, 480

@@ -4,7 +4,7 @@ import pytest
 
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.cylinder.edge_search import follow_edge
-from slosh_camera.cylinder.stationary_edges import moved_edges, no_edges, stationary_edges
+from slosh_camera.cylinder.front_line import moved_edges, no_edges, stationary_edges
 
 ROWS, LINES = 80, 40
 LEVEL, LABEL = 50, 30

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
+from slosh_camera.cylinder.surface import SHAPES, Prior
 from slosh_camera.cylinder.surface_comparison import CandidateSurface, Sighting, SurfaceComparison
 from slosh_camera.cylinder.surface_memory import ExpectedMode
-from slosh_camera.cylinder.surface_modes import SHAPES
-from slosh_camera.cylinder.surface_prior import Prior
 from slosh_camera.measurement import Flag
 
 MM = 1e-3

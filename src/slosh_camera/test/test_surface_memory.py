@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from slosh_camera.cylinder.surface_evidence import USUAL_FADE
+from slosh_camera.cylinder.surface import USUAL_FADE
 from slosh_camera.cylinder.surface_memory import SurfaceMemory
 
 RADIUS, FILL = 0.05, 0.07

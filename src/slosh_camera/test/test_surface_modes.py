@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.special import jv
 
 from slosh_camera.cylinder import silhouette
-from slosh_camera.cylinder.surface_modes import (
+from slosh_camera.cylinder.surface import (
     RADIAL_STEPS,
     RADIAL_TABLE,
     SHAPES,

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slosh_camera.cylinder.surface_modes import SHAPES, Shape
-from slosh_camera.cylinder.surface_prior import Prior
+from slosh_camera.cylinder.surface import SHAPES, Prior, Shape
 
 RADIUS = 0.05
 REST = Prior(np.zeros(SHAPES), first=0.01)

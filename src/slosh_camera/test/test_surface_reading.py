@@ -5,8 +5,14 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from slosh_camera.cylinder.surface_evidence import USUAL_FADE, SurfaceFit, WallPoints
-from slosh_camera.cylinder.surface_modes import SHAPES, Shape, wall_shapes
+from slosh_camera.cylinder.surface import (
+    SHAPES,
+    USUAL_FADE,
+    Shape,
+    SurfaceFit,
+    WallPoints,
+    wall_shapes,
+)
 from slosh_camera.cylinder.surface_reading import SurfaceReading, errors_together
 
 MM = 1e-3

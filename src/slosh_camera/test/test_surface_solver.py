@@ -3,11 +3,10 @@ import pytest
 
 from slosh_base.compiled.compilation import uncompiled
 from slosh_camera.cylinder import silhouette, surface_solver
-from slosh_camera.cylinder.scan_grid import build_scan_grid
+from slosh_camera.cylinder.surface import SHAPES, Shape, shapes_at, wall_shapes
 from slosh_camera.cylinder.surface_choice import first_mode_candidates
-from slosh_camera.cylinder.surface_modes import SHAPES, Shape, shapes_at, wall_shapes
 from slosh_camera.cylinder.tuning import TUNING
-from slosh_camera.cylinder.wall_geometry import WallGeometry
+from slosh_camera.cylinder.wall_geometry import WallGeometry, build_scan_grid
 
 touch = uncompiled(silhouette.touch)
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
-from slosh_camera.images.repeats import RepeatedFrames
+from slosh_camera.images.seams import RepeatedFrames
 from slosh_camera.measurement import Flag
 from slosh_camera.rectangle.detector import SideViewDetector
 from slosh_testing.side_view_scene import Liquid, Look, Setup, draw, still

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.images import image_size
+from slosh_camera.images import headers
 from slosh_camera.images.decoding import decode_compressed, png_damage, read_image
 from slosh_camera.images.jpeg_file import jpeg_damage
 
@@ -142,9 +142,9 @@ def test_an_image_is_read_up_to_the_bound(monkeypatch, tmp_path, ending, shape):
     path = tmp_path / f"a{ending}"
     path.write_bytes(file_of(ending, shape))
     pixels = shape[0] * shape[1]
-    monkeypatch.setattr(image_size, "MOST_PIXELS", pixels)
+    monkeypatch.setattr(headers, "MOST_PIXELS", pixels)
     assert read_image(path).shape == shape
-    monkeypatch.setattr(image_size, "MOST_PIXELS", pixels - 1)
+    monkeypatch.setattr(headers, "MOST_PIXELS", pixels - 1)
     with pytest.raises(SloshCameraError, match=f"{path.name}: image: claims 50 x {shape[0]} pix"):
         read_image(path)
 

@@ -8,9 +8,8 @@ import numpy as np
 from scipy.special import jv
 
 from slosh_camera.optics.calibration import Calibration
-from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.camera import PinholeCamera, Pose
 from slosh_camera.optics.cup import Cup, CupView
-from slosh_camera.optics.pose import Pose
 from slosh_camera.settings import DetectionSettings, RegionOfInterest
 
 SHIFT = 6

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from slosh_camera.optics.box import Box, BoxView
 from slosh_camera.optics.calibration import SideCalibration
-from slosh_camera.optics.camera import PinholeCamera
-from slosh_camera.optics.pose import Pose
+from slosh_camera.optics.camera import PinholeCamera, Pose
 from slosh_camera.settings import RegionOfInterest
 
 Image = NDArray[np.uint8]

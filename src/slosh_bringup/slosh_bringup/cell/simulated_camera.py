@@ -12,9 +12,8 @@ from slosh_bringup.cell.renderer import CupRenderer
 from slosh_camera.calibrate.camera_file import format_calibration
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.calibration import Calibration
-from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.camera import PinholeCamera, look_at
 from slosh_camera.optics.cup import Cup, CupView
-from slosh_camera.optics.pose import look_at
 from slosh_model.containers import Container
 
 CAMERA = PinholeCamera(640, 480, 1000.0, 1000.0, 319.5, 239.5)

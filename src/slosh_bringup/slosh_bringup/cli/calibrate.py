@@ -27,20 +27,18 @@ from slosh_camera.calibrate.board import (
     pose_by_board,
 )
 from slosh_camera.calibrate.camera_file import format_calibration, parse_calibration
-from slosh_camera.calibrate.doubt import GivenDeviations
 from slosh_camera.calibrate.intrinsics import KnownCamera, camera_of_view, read_known_camera
-from slosh_camera.calibrate.picture import draw_calibration
+from slosh_camera.calibrate.pose import GivenDeviations
 from slosh_camera.calibrate.still import calibrate_by_edges, check_pose, check_size
-from slosh_camera.calibrate.still_fit import StillFit
-from slosh_camera.calibrate.warning_words import warnings_of
-from slosh_camera.detection.learnt import still_doubt
+from slosh_camera.calibrate.still_fit import StillFit, draw_calibration, warnings_of
+from slosh_camera.detection.detectors import still_doubt
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image, to_colour
 from slosh_camera.images.decoding import read_image
-from slosh_camera.images.exif import read_exif
+from slosh_camera.images.headers import read_exif
 from slosh_camera.optics.calibration import Calibration
+from slosh_camera.optics.camera import Pose
 from slosh_camera.optics.cup import Cup, CupView
-from slosh_camera.optics.pose import Pose
 from slosh_model.containers import ROUND, Container
 from slosh_model.model_text import read_model
 

@@ -14,7 +14,7 @@ from slosh_camera.calibrate.board import BoardFit
 from slosh_camera.calibrate.intrinsics import KnownCamera
 from slosh_camera.calibrate.pose import CameraPlace
 from slosh_camera.calibrate.still_fit import StillFit
-from slosh_camera.images.exif import read_exif
+from slosh_camera.images.headers import read_exif
 from slosh_camera.optics.cup import Wall
 from slosh_report.json_values import plain
 

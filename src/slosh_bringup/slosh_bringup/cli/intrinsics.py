@@ -18,8 +18,7 @@ from slosh_bringup.cli.output_names import YAML, check_ending
 from slosh_bringup.cli.quantities import length
 from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in
 from slosh_bringup.errors import SloshBringupError
-from slosh_camera.calibrate.aruco import drawn_board
-from slosh_camera.calibrate.board import FORMAT, Board
+from slosh_camera.calibrate.board import FORMAT, Board, drawn_board
 from slosh_camera.calibrate.board_views import Chessboard, fit_camera, format_camera, parse_target
 from slosh_camera.images.colour import Image
 from slosh_camera.images.decoding import read_image

@@ -25,10 +25,9 @@ import cv2
 
 from slosh_bringup.detect.frame import SourceFrame
 from slosh_bringup.errors import SloshBringupError
-from slosh_camera.detection.detectors import SurfaceDetector
-from slosh_camera.detection.learnt import learnt_detector
+from slosh_camera.detection.detectors import SurfaceDetector, learnt_detector
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.images.repeats import Digest, RepeatedFrames, digest
+from slosh_camera.images.seams import Digest, RepeatedFrames, digest
 from slosh_camera.measurement import Flag, Measurement, bad_image
 from slosh_camera.optics.calibration import AnyCalibration
 

@@ -19,7 +19,7 @@ from slosh_bringup.detect.table import flag_names
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.detection.drawing import captions, draw_detail, draw_measurement
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.images.lettering import put_text
+from slosh_camera.images.colour import put_text
 from slosh_camera.measurement import Measurement
 from slosh_camera.optics.calibration import AnyCalibration
 

@@ -26,7 +26,7 @@ from slosh_bringup.detect.name_times import doubtful_steps, name_times
 from slosh_bringup.detect.series import IMAGE_ENDINGS, images_in, longest_series, natural_order
 from slosh_bringup.detect.video import video_source
 from slosh_bringup.errors import SloshBringupError
-from slosh_camera.images.tiff_pages import tiff_pages
+from slosh_camera.images.headers import tiff_pages
 
 RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 _BEFORE, _AFTER = 100_000_000, 2_000_000_000

@@ -19,7 +19,7 @@ import numpy as np
 from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.detect.frame import FOLDER_RATE, FrameSource, SourceFrame
 from slosh_bringup.errors import SloshBringupError
-from slosh_camera.images.image_size import too_large
+from slosh_camera.images.headers import too_large
 
 _MOST_BOXES = 10_000
 _MOST_EDITS = 1_000

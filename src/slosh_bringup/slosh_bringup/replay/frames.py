@@ -14,8 +14,8 @@ from slosh_bag.errors import SloshBagError
 from slosh_bringup.detect.frame import SourceFrame
 from slosh_bringup.detect.source import frames_at
 from slosh_camera.calibrate.camera_file import parse_any_calibration
+from slosh_camera.detection.detectors import learnt_detector
 from slosh_camera.detection.drawing import draw_measurement
-from slosh_camera.detection.learnt import learnt_detector
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.calibration import AnyCalibration
 from slosh_motion.recorded import settings

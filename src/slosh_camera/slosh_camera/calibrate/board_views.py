@@ -10,8 +10,7 @@ import numpy as np
 
 from slosh_base.files.yaml_document import format_yaml
 from slosh_base.types import Array
-from slosh_camera.calibrate.aruco import find_corners
-from slosh_camera.calibrate.board import FORMAT, Board, parse_board
+from slosh_camera.calibrate.board import FORMAT, Board, find_corners, parse_board
 from slosh_camera.calibrate.intrinsics import lens_block
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image, to_gray
@@ -56,7 +55,6 @@ class CameraFit(NamedTuple):
     """A camera from pictures of a board.
 
     Attributes:
-        camera: matrix and lens.
         stddev: standard errors of fx, fy, cx, cy [px].
         rms: distance between corners and where the camera puts them [px].
         used: the same for each picture by its name [px].
@@ -113,7 +111,6 @@ def fit_camera(
 
     Args:
         pictures: names and images of one camera at one resolution.
-        board: what they show.
         lens: model of the distortion, one of slosh_camera.optics.lens.COEFFICIENTS.
 
     Raises:

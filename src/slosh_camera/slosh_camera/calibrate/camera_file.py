@@ -14,11 +14,12 @@ import numpy as np
 
 from slosh_base.files.file_version import CAMERA
 from slosh_base.files.yaml_document import YamlDocument, format_yaml, shown
-from slosh_camera.calibrate.intrinsics import camera_of, lens_block
-from slosh_camera.calibrate.yaml_fields import (
+from slosh_camera.calibrate.intrinsics import (
     camera_name,
+    camera_of,
     check_keys,
     integer,
+    lens_block,
     mapping,
     number,
     numbers,
@@ -29,9 +30,9 @@ from slosh_camera.calibrate.yaml_fields import (
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.box import Box, BoxView
 from slosh_camera.optics.calibration import AnyCalibration, Calibration, SideCalibration
+from slosh_camera.optics.camera import Pose
 from slosh_camera.optics.container import WALL
 from slosh_camera.optics.cup import Cup, CupView
-from slosh_camera.optics.pose import Pose
 from slosh_camera.optics.round_body import RoundBody, RoundView
 from slosh_camera.settings import DetectionSettings, LiquidContrast, RegionOfInterest
 from slosh_model.containers import SHAPES
@@ -76,9 +77,6 @@ _T = TypeVar("_T")
 def read_calibration(path: str | Path) -> Calibration:
     """Reads the calibration file of a camera that views a cylinder or frustum through its wall.
 
-    Args:
-        path: the file, usually camera.yaml.
-
     Returns:
         The calibration, of a cylinder or a frustum.
 
@@ -91,12 +89,6 @@ def read_calibration(path: str | Path) -> Calibration:
 
 def read_any_calibration(path: str | Path) -> AnyCalibration:
     """Reads the calibration file of a view through the wall or of a side view.
-
-    Args:
-        path: the file, usually camera.yaml.
-
-    Returns:
-        The calibration.
 
     Raises:
         SloshCameraError: the file cannot be read or a value cannot be used; the message names
@@ -115,9 +107,6 @@ def parse_calibration(
         source: name of the file in error messages.
         folder: where relative paths in the text start; None: they are kept as they are.
 
-    Returns:
-        The calibration.
-
     Raises:
         SloshCameraError: as read_calibration.
     """
@@ -133,9 +122,6 @@ def parse_any_calibration(
         text: YAML.
         source: name of the file in error messages.
         folder: where relative paths in the text start; None: they are kept as they are.
-
-    Returns:
-        The calibration.
 
     Raises:
         SloshCameraError: as read_any_calibration.

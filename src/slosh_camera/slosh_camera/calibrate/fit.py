@@ -24,9 +24,8 @@ from slosh_camera.calibrate.curves import (
     view_at,
     width_of,
 )
-from slosh_camera.calibrate.doubt import QUANTITIES, GivenView
 from slosh_camera.calibrate.edges import EdgeImage
-from slosh_camera.calibrate.pose import CameraPlace
+from slosh_camera.calibrate.pose import QUANTITIES, CameraPlace, GivenView
 from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.camera import PinholeCamera
@@ -126,7 +125,6 @@ def fit_place(
     Args:
         edges: the image, without distortion.
         told: its camera, without distortion, and the container.
-        start: where to start.
         hint: what else is known.
         rough: from far away, to a few pixels: light goes straight, which is quicker.
         found: the edges, where they are found already; empty: they are looked for.

@@ -2,23 +2,25 @@
 
 Printed rings, scales and seams lie where a level could. They differ from it: liquid changes what
 is below the line, a ring looks the same below and above; a level runs from side to side, a scale
-mostly does not.
+mostly does not. A level has two lines, and which of them is the front one depends on the camera.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.calibrate.curves import view_at
+from slosh_camera.calibrate.curves import WETTED, Curve, look_for_curves, view_at, width_of
 from slosh_camera.calibrate.edges import EdgeImage
-from slosh_camera.calibrate.fit import PlaceFit
+from slosh_camera.calibrate.fit import PlaceFit, fit_place
+from slosh_camera.calibrate.pose import CameraPlace, GivenView, place_of
 from slosh_camera.calibrate.strip import (
     Strip,
     lasting_changes,
     level_like,
+    misplaced_colours,
     own_lines,
     rear_above,
     steps_along,
@@ -28,7 +30,7 @@ from slosh_camera.calibrate.strip import (
 )
 from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.optics.cup import CupView
+from slosh_camera.optics.cup import Cup, CupView, Wall
 
 BoolArray = NDArray[np.bool_]
 
@@ -135,16 +137,83 @@ def check_line(edges: EdgeImage, view: CupView) -> None:
         raise asked("the line that fits best has one colour above and below, as a ring has")
     if unevenness_below(strip, radius) > TUNING.uneven:
         raise asked("what is below the line that fits best is uneven, as foam is")
+    amiss = misplaced_colours(strip, cup, place_of(view.pose)[0])
+    own = float(np.min(amiss[np.abs(heights) <= 0.5 * TUNING.far_level]))
+    other = int(np.argmin(np.where(np.abs(heights) > TUNING.far_level, amiss, np.inf)))
+    if amiss[other] < own - max(TUNING.better_parted, TUNING.part_better * own):
+        raise asked(f"the colours part {_apart(heights[other])} the best fit")
     evidence = own_lines(edges, view, strip) * step
     here = np.abs(heights) <= TUNING.line_slack * radius
     possible = ~here & _may_be_level(edges, view, strip, top)
     found = np.where(possible, evidence, 0.0)
     other = int(np.argmax(found))
     if found[other] > TUNING.better * float(np.max(evidence[here])):
-        apart = (
-            f"{abs(1e3 * heights[other]):.0f} mm {'above' if heights[other] > 0.0 else 'below'}"
+        raise asked(f"a line {_apart(heights[other])} the best fit parts two colours more")
+
+
+def check_exchange(edges: EdgeImage, view: CupView, line: Curve) -> None:
+    """Raises an error if the level's line may as well be its other one, front or rear.
+
+    Front and rear line are two arcs of one ellipse. From above the front one is the lower and bows
+    down, from below the upper and bows up, as the rear one does from above. Where one arc is all
+    that is seen, the sides tell on which side of the level the camera is: both are fitted.
+
+    Args:
+        edges: the image, without distortion.
+        view: of the pose, upright.
+        line: the one that is seen.
+
+    Raises:
+        SloshCameraError: the other fits about as well, with another level; the text asks for a
+            click.
+    """
+    place, _ = place_of(view.pose)
+    told = GivenView(view.camera, view.cup)
+    reach = max(TUNING.exchange_reach * width_of(view), TUNING.least_exchange_reach)
+    seen = look_for_curves(edges, view, reach)
+    kept = tuple(one for one in seen if one.curve in (*WETTED, line))
+    other = Curve.REAR if line is Curve.FRONT else Curve.FRONT
+    renamed = tuple(replace(one, curve=other) if one.curve is line else one for one in kept)
+    least = TUNING.other_height * place.distance
+    heights = (abs(place.height), max(abs(place.height), least))
+    sign = 1.0 if other is Curve.REAR else -1.0
+    starts = [_from_other_side(place, view.cup, sign * height) for height in sorted(set(heights))]
+    own = fit_place(edges, told, place, found=kept)
+    tries = [fit_place(edges, told, start, found=renamed) for start in starts]
+    # From below the rear line is hidden behind the liquid.
+    rivals = [one for one in tries if one is not None and sign * one.place.height > 0.0]
+    if not rivals:
+        return
+    rival = min(rivals, key=_misfit)
+    if own is not None and _misfit(rival) > max(
+        TUNING.exchanged * _misfit(own), TUNING.least_error
+    ):
+        return
+    other_view = view_at(rival.camera, rival.cup, rival.place)
+    front = other_view.project_wall(other_view.camera_azimuth, 0.0, Wall.FRONT)
+    height = float(view.on_wall(front, Wall.FRONT)[1][0])
+    if not abs(height) <= TUNING.same_height:
+        raise asked(
+            f"the line may as well be the {other.value.removeprefix('still level, ')} one of a "
+            f"level {_apart(height)} the best fit"
         )
-        raise asked(f"a line {apart} the best fit parts two colours more")
+
+
+def _from_other_side(place: CameraPlace, cup: Cup, height: float) -> CameraPlace:
+    """Returns a camera at another height [m] that sees one line of the level where it was."""
+    reach = float(np.copysign(cup.radius, height))
+    was = np.arctan2(place.height, place.distance - reach)
+    becomes = np.arctan2(height, place.distance + reach)
+    return replace(place, height=height, pitch=place.pitch + float(becomes - was))
+
+
+def _misfit(fit: PlaceFit) -> float:
+    """Returns the mean distance of edges from their curves, strays as inliers at most [px]."""
+    return float(np.mean(np.minimum(np.abs(np.concatenate(fit.residuals)), TUNING.inlier)))
+
+
+def _apart(height: float) -> str:
+    return f"{abs(1e3 * height):.0f} mm {'above' if height > 0.0 else 'below'}"
 
 
 def _may_be_level(edges: EdgeImage, view: CupView, strip: Strip, top: float) -> BoolArray:

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.calibrate.curves import Curve, SeenCurve, view_at
-from slosh_camera.calibrate.edges import EdgeImage, find_edges
-from slosh_camera.calibrate.lines import UprightLine, upright_lines
+from slosh_camera.calibrate.edges import EdgeImage, UprightLine, find_edges, upright_lines
 from slosh_camera.calibrate.pose import Axis, CameraPlace
 from slosh_camera.calibrate.search import axis_of_lines, height_through
 from slosh_camera.calibrate.strip import (
@@ -87,7 +86,6 @@ def find_outline(
     Args:
         edges: the image, without distortion.
         camera: its camera, without distortion.
-        cup: the container.
         level: a pixel on the contact line of the still level; None: not told.
 
     Returns:

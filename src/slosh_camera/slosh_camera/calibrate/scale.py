@@ -9,8 +9,7 @@ from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.box import Box, BoxView
 from slosh_camera.optics.calibration import SideCalibration
-from slosh_camera.optics.camera import PinholeCamera
-from slosh_camera.optics.pose import Pose
+from slosh_camera.optics.camera import PinholeCamera, Pose
 from slosh_camera.optics.round_body import RoundBody, RoundView
 from slosh_camera.settings import DetectionSettings
 
@@ -35,7 +34,6 @@ def calibrate_by_scale(
     Args:
         size: width and height of the image [px].
         left: left end of the still level (u, v) [px].
-        right: its right end.
         length: of the line between the two [m].
         fill_height: of the liquid at rest [m].
         rim_height: of the inner wall above the floor [m]; None: unknown.

@@ -14,8 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.calibrate.edges import EdgeImage
-from slosh_camera.calibrate.lines import UprightLine, upright_lines
+from slosh_camera.calibrate.edges import EdgeImage, UprightLine, upright_lines
 from slosh_camera.calibrate.pose import Axis, CameraPlace, axis_from_sides, cone_from_sides
 from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.optics.camera import PinholeCamera
@@ -65,7 +64,6 @@ def find_candidates(
     Args:
         edges: the image, without distortion.
         camera: its camera, without distortion.
-        cup: the container.
         count: at most so many.
         level: a pixel on the contact line of the still level; None: not told.
 

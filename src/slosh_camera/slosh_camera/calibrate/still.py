@@ -16,12 +16,18 @@ from slosh_camera.calibrate.curves import (
     view_at,
     width_of,
 )
-from slosh_camera.calibrate.doubt import KNOWN, QUANTITIES, GivenDeviations, GivenView
 from slosh_camera.calibrate.edges import EdgeImage, edge_image
 from slosh_camera.calibrate.fit import NO_HINT, Hint, PlaceFit, fit_place
-from slosh_camera.calibrate.level import asked, check_line, levels_of
+from slosh_camera.calibrate.level import asked, check_exchange, check_line, levels_of
 from slosh_camera.calibrate.outline import find_outline
-from slosh_camera.calibrate.pose import CameraPlace, place_of
+from slosh_camera.calibrate.pose import (
+    KNOWN,
+    QUANTITIES,
+    CameraPlace,
+    GivenDeviations,
+    GivenView,
+    place_of,
+)
 from slosh_camera.calibrate.refusals import (
     check_enclosed,
     check_rival,
@@ -56,17 +62,12 @@ def calibrate_by_edges(
 
     Args:
         image: (height, width) grey or (height, width, 3) blue-green-red, liquid at rest.
-        camera: its camera.
-        cup: the container.
         azimuth: at which the camera stands about the container's axis [rad]; the picture of a
             round container does not show it.
         hint: what a board tells in addition.
         doubt: how far camera and container may be off; what is in doubt is estimated.
         distance: of the camera from the container's axis, to a tenth [m]; None: unknown.
         level: a pixel on the contact line of the still level, to a pixel or two; None: unknown.
-
-    Returns:
-        The pose.
 
     Raises:
         SloshCameraError: the image does not fit the camera, or does not determine the pose.
@@ -138,7 +139,11 @@ def _check_level(task: _Task, answer: StillFit) -> None:
     small = _smaller(task, _shrink(task.camera))
     place, _ = place_of(answer.view.pose)
     cup = answer.view.cup
-    check_line(edge_image(small.image), view_at(small.camera, cup, place))
+    edges, view = edge_image(small.image), view_at(small.camera, cup, place)
+    check_line(edges, view)
+    front, rear = (shares.get(one.value, 0.0) for one in (Curve.FRONT, Curve.REAR))
+    if min(front, rear) < TUNING.least_share:
+        check_exchange(edges, view, Curve.FRONT if front >= rear else Curve.REAR)
 
 
 def _sound(fit: PlaceFit | None, task: _Task) -> StillFit | None:

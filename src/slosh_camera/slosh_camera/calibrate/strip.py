@@ -26,8 +26,13 @@ _SECTORS, _COLUMNS = 5, 5
 _WINDOWS = ((0.06, 0.2), (0.15, 0.7))
 # The same for the steps along a line: each pair clears a ring or a meniscus of another thickness.
 _NEAR_WINDOWS = ((0.03, 0.08), (0.06, 0.12), (0.09, 0.16), (0.12, 0.25))
-# Where liquid shows below its meniscus, in radii from the level.
+# Where liquid shows below its meniscus, in radii from the level, and the part of the rows that may
+# be more uneven than told.
 _BELOW = (0.05, 0.2)
+_UNEVEN_ROWS = 10.0
+# What is compared below and above a level, in radii from it, without the rear line: as a part of
+# its distance, the surface before it where that is wide enough, otherwise what is behind it.
+_PARTED, _BEFORE_REAR, _WIDE_SURFACE, _BEHIND_REAR = 0.5, 0.6, 0.1, 1.3
 _MOST_ROWS = 3000
 # Where a line that goes on beside the container is looked for, in outer radii from the axis: an
 # edge of a table behind it.
@@ -112,7 +117,53 @@ def unevenness_below(strip: Strip, radius: float) -> float:
         return 0.0
     bend = colours[:, 1:-1] - 0.5 * (colours[:, :-2] + colours[:, 2:])
     rows = np.median(np.abs(np.nan_to_num(bend)).max(axis=2), axis=1)
-    return float(np.median(rows))
+    return float(np.percentile(rows, 100.0 - _UNEVEN_ROWS))
+
+
+def misplaced_colours(strip: Strip, cup: Cup, place: CameraPlace) -> FloatArray:
+    """Returns how much of the wall does not look like its side of a level at each height (N,) [m].
+
+    Below the liquid's level is one colour and above it another. A ring or a bubble has neither and
+    counts by its thickness, wherever the level is; what lies between a level that is believed and
+    the true one counts for the believed one alone.
+
+    Args:
+        strip: about the level of the pose, from below.
+        cup: the container.
+        place: the camera's place.
+
+    Returns:
+        Mean thickness; inf away from the level of the pose.
+    """
+    near = np.flatnonzero(np.abs(strip.heights) <= _PARTED * cup.radius)
+    heights, step = strip.heights[near], float(strip.heights[1] - strip.heights[0])
+    split = strip.colours[near].reshape(near.size, _SECTORS, _COLUMNS, -1)
+    colours = np.median(split, axis=2)
+    azimuths = np.linspace(-TUNING.arc, TUNING.arc, _SECTORS * _COLUMNS)
+    amiss = np.zeros(near.size)
+    for sector, azimuth in enumerate(azimuths.reshape(_SECTORS, _COLUMNS).mean(axis=1)):
+        rear = rear_above(cup, place, 0.0) * float(np.cos(azimuth))
+        used = np.ones(near.size, dtype=bool)
+        if _BEFORE_REAR * rear >= _WIDE_SURFACE * cup.radius:
+            used = heights <= _BEFORE_REAR * rear
+        elif rear > 0.0:
+            used = (heights <= 0.0) | (heights >= _BEHIND_REAR * rear)
+        seen = colours[used, sector]
+        rows = np.searchsorted(np.flatnonzero(used), np.arange(near.size))
+        by_row = [_unlike(seen[:row]) + _unlike(seen[row:]) for row in range(len(seen) + 1)]
+        amiss += step * np.array(by_row)[rows] / _SECTORS
+    thickness = np.full(strip.heights.size, np.inf)
+    thickness[near] = amiss
+    return thickness
+
+
+def _unlike(colours: Float32Array) -> float:
+    """Returns how many of the rows (N, channels) do not have the usual colour."""
+    known = colours[~np.isnan(colours).any(axis=1)]
+    if not len(known):
+        return 0.0
+    away = np.abs(known - np.median(known, axis=0)).max(axis=1)
+    return float(np.minimum(away / TUNING.other_colour, 1.0).sum())
 
 
 def own_lines(edges: EdgeImage, view: CupView, strip: Strip) -> FloatArray:
@@ -185,7 +236,6 @@ def _change(colours: Float32Array, rear: FloatArray, near: int, far: int) -> Flo
         colours: (N, M, channels) of the strip, from below.
         rear: (N,) rows from the contact line to the rear one.
         near: where the rows begin whose median is taken, from either line.
-        far: where they end.
     """
     middles = _row_medians(colours, far - near + 1)
     index = np.arange(len(colours))

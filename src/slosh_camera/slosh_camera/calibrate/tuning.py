@@ -13,7 +13,7 @@ class CalibrateTuning:
     """Assumptions of the pose estimation about edges, containers and images.
 
     Outline, level and strip were set on every second of a set of photographs of graduated
-    cylinders, `line_slack` to `better` on drawn glasses of even number by
+    cylinders, `line_slack` to `exchanged` on drawn glasses of even number by
     `validation/studies/printed_levels.py`, the others on rendered still images of even number by
     `validation/studies/calibration_accuracy.py`. The unit "radius" is the container's; "strength"
     is that of the clearest line.
@@ -28,7 +28,7 @@ class CalibrateTuning:
     curve_spacing: float = number(2.0, "px", "distance of samples along a curve")
     shine: float = number(0.47, "px", "shift of a shiny edge, 0.46 to 0.56 by Fresnel's formulas")
     separate_lines: float = number(6.0, "px", "distance below which front and rear line are one")
-    # doubt.py
+    # pose.py
     least_told: float = number(0.05, "1", "least part of a given length")
     # edges.py
     smoothing: float = number(1.0, "px", "smoothing before derivatives, against blocks of JPEG")
@@ -56,10 +56,18 @@ class CalibrateTuning:
     ends: float = number(0.3, "radius", "distance from rim and floor of another level")
     line_slack: float = number(0.04, "radius", "largest error of the level's place")
     least_step: float = number(2.5, "grey", "change of colour along the whole level")
-    uneven: float = number(5.0, "grey", "difference of columns below a level without foam")
+    uneven: float = number(9.0, "grey", "difference of columns below a level without foam")
+    other_colour: float = number(20.0, "grey", "difference of what looks unlike its side's colour")
+    far_level: float = number(1.2e-3, "m", "distance of another level by its colours")
+    better_parted: float = number(0.3e-3, "m", "wall that a better level puts on its side")
+    part_better: float = number(0.1, "1", "part of the wall on its wrong side, the same")
+    exchange_reach: float = number(0.03, "width", "distance of edges from a line to exchange")
+    least_exchange_reach: float = number(6.0, "px", "least distance of such edges")
+    other_height: float = number(0.08, "distance", "height of a camera on the other side")
+    exchanged: float = number(1.15, "1", "misfit of the other line that is as good")
     least_rear: float = number(0.3, "1", "least part of the rear line where it should be")
     better: float = number(1.5, "1", "strength of another line that is more like a level")
-    # lines.py
+    # edges.py, upright lines
     most_lean: float = number(0.36, "px/row", "largest lean of a line against the columns")
     lean_error: float = number(0.15, "px/row", "largest lean of an edge against its line")
     vote_reach: float = number(1.6, "px", "distance of an edge that belongs to a line")
@@ -134,7 +142,7 @@ class CalibrateTuning:
     most_inclination: float = number(math.radians(20.0), "rad", "largest inclination of a scale")
     scale_click: float = number(1.0, "px", "standard error of a click on a scale")
     one_scale: float = number(0.03, "1", "relative error of one scale for all places")
-    # warning_words.py
+    # still_fit.py, warnings
     most_height_error: float = number(1e-3, "m", "standard error of a height without a warning")
     doubtful_offset: float = number(1.0, "px", "offset of edges that is worth a warning")
 

@@ -18,22 +18,16 @@ from numpy.typing import NDArray
 from slosh_base.types import Array
 from slosh_camera.cylinder.container_edges import ContainerEdges
 from slosh_camera.cylinder.front_line import FrontLineFinder
-from slosh_camera.cylinder.scan_grid import build_scan_grid
-from slosh_camera.cylinder.still_reference import StillReference, StillReferenceFinder
-from slosh_camera.cylinder.still_surface import REMEDY
+from slosh_camera.cylinder.still_reference import REMEDY, StillReference, StillReferenceFinder
+from slosh_camera.cylinder.surface import USUAL_FADE, FadeShare, Prior, SurfaceFit, Unrolled
 from slosh_camera.cylinder.surface_choice import SurfaceChooser
 from slosh_camera.cylinder.surface_comparison import ChosenSurface, Sighting
-from slosh_camera.cylinder.surface_evidence import USUAL_FADE, FadeShare, SurfaceFit, Unrolled
 from slosh_camera.cylinder.surface_fit import SurfaceFitter
-from slosh_camera.cylinder.surface_flags import surface_flags
 from slosh_camera.cylinder.surface_memory import SurfaceMemory
-from slosh_camera.cylinder.surface_prior import Prior
-from slosh_camera.cylinder.surface_reading import SurfaceReading
+from slosh_camera.cylinder.surface_reading import SurfaceReading, surface_flags
 from slosh_camera.cylinder.tuning import TUNING
-from slosh_camera.cylinder.wall_geometry import WallGeometry
-from slosh_camera.cylinder.wall_pixels import WallPixels
-from slosh_camera.images.repeats import RepeatedFrames
-from slosh_camera.images.seams import SeamFinder, Steps
+from slosh_camera.cylinder.wall_geometry import WallGeometry, WallPixels, build_scan_grid
+from slosh_camera.images.seams import RepeatedFrames, SeamFinder, Steps
 from slosh_camera.images.still_edges import PLACES, Edge, StillEdges, along_end, along_side
 from slosh_camera.measurement import Flag, Measurement, PeakSide
 from slosh_camera.optics.calibration import Calibration
@@ -350,7 +344,6 @@ def on_inclined_wall(measurement: Measurement, cup: Cup, zero: float) -> Measure
 
     Args:
         measurement: with upright heights, as `Cup.upright` gives them.
-        cup: the container.
         zero: upright height of the still level, from which the heights are counted [m].
     """
     if not cup.taper:

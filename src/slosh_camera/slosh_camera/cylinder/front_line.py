@@ -1,28 +1,38 @@
 """Detects the contact line on the front wall: the upper end of liquid on each scan line.
 
 Colours become one axis from liquid to background; what is low on the wall is taken for liquid, and
-the end of what looks like it is found on every line, then to a fraction of a row.
+the end of what looks like it is found on every line, then to a fraction of a row. Edges that stand
+in the image of the liquid at rest too, of a label or of what is behind, are none of the liquid's.
+
+An uneven wall bends a line, and where front and rear line are one edge in the image, what is found
+lies between them. A surface that is fitted to such a contact line alone leans towards the camera
+or away from it. The liquid at rest is level, so that its image tells; once the line has risen or
+fallen by some rows, it is seen through another place of the wall, and apart from the other line.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from typing import Self
+
 import numpy as np
+from numba.types import float64
 from numpy.typing import NDArray
 
+from slosh_base.compiled.compilation import GIVEN_1, entry_point
 from slosh_camera.cylinder import edge_search
-from slosh_camera.cylinder.appearance import Tone, find_tone, percentile
-from slosh_camera.cylinder.medians import median
-from slosh_camera.cylinder.scan_grid import ScanGrid
-from slosh_camera.cylinder.stationary_edges import moved_edges
-from slosh_camera.cylinder.surface_evidence import Unrolled, WallPoints
-from slosh_camera.cylinder.surroundings import Backdrop
+from slosh_camera.cylinder.appearance import Backdrop, Tone, find_tone, median, percentile
+from slosh_camera.cylinder.edge_search import PICTURE, STEPS, fall_above, has_stood
+from slosh_camera.cylinder.surface import SurfaceFit, Unrolled, WallPoints
 from slosh_camera.cylinder.tuning import TUNING
-from slosh_camera.cylinder.wall_geometry import WallGeometry
+from slosh_camera.cylinder.wall_geometry import ScanGrid, WallGeometry
 from slosh_camera.measurement import Flag
 from slosh_camera.settings import DetectionSettings, LiquidContrast
 
 Image = NDArray[np.uint8]
 Single = NDArray[np.float32]
+FloatArray = NDArray[np.float64]
+
 
 # Parts of the way from the still level to the lowest row between which there is mostly liquid:
 # below the deepest trough, or higher up, where a transparent liquid does not show the floor.
@@ -55,7 +65,6 @@ class FrontLineFinder:
 
         Args:
             unrolled: (rows, lines, channels) the wall.
-            body: rows of the liquid.
         """
         return find_tone(unrolled, self._grid.inside, body, self._above)
 
@@ -71,7 +80,6 @@ class FrontLineFinder:
 
         Args:
             unrolled: (rows, lines, channels) the wall.
-            body: rows of the liquid.
             stationary: edges that stand still, as `stationary_edges` gives them.
             surface: how the free surface looks on the axis; NaN: not known.
             beside: the image, where the still one was accepted: what is beside the container tells
@@ -136,3 +144,93 @@ class FrontLineFinder:
         lighter = float(np.mean(tone.liquid)) > float(np.mean(tone.background))
         expected = self._settings.liquid
         return expected is LiquidContrast.ANY or (expected is LiquidContrast.LIGHTER) == lighter
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrontBias:
+    """Systematic height error of the front contact line, measured on the liquid at rest.
+
+    Attributes:
+        zero: (SHAPES,) heights of the surface at rest [m].
+        offset: (M,) of the line's points above it [m]; 0 where nothing is known.
+        holds: standard deviation of the rise over which the offset changes [m].
+    """
+
+    zero: FloatArray
+    offset: FloatArray
+    holds: float
+
+    @classmethod
+    def unknown(cls, zero: FloatArray, lines: int) -> Self:
+        """Returns a bias of zero for a number of scan lines, for an unknown surface at rest."""
+        return cls(zero, np.zeros(lines), 1.0)
+
+    @classmethod
+    def at_rest(cls, fit: SurfaceFit, zero: FloatArray, footprint: float) -> Self:
+        """Estimates the contact line's bias from a fit to the image of the liquid at rest.
+
+        Args:
+            fit: the points that agree with it count.
+            zero: (SHAPES,) heights of the surface at rest [m].
+            footprint: of a row on the wall [m].
+        """
+        points = fit.points
+        known = (fit.front_weight > TUNING.inlier) & ~points.bound
+        above = np.where(known, points.height - points.shapes @ zero, 0.0)
+        window = np.ones(TUNING.bias_lines)
+        count = np.convolve(known.astype(np.float64), window, "same")
+        offset = np.convolve(above, window, "same") / np.maximum(count, 1.0)
+        return cls(zero, np.where(known, offset, 0.0), TUNING.bias_rows * footprint)
+
+    def removed(self, points: WallPoints) -> WallPoints:
+        """Subtracts the bias from contact-line points (M,), fully at rest level, less above it."""
+        rise = points.height - points.shapes @ self.zero - self.offset
+        part = np.exp(-0.5 * np.square(rise / self.holds))
+        return replace(points, height=points.height - part * self.offset)
+
+
+def no_edges(shape: tuple[int, int]) -> Single:
+    """Returns an empty map of edges, used without an image of the liquid at rest."""
+    return np.zeros((2, *shape), np.float32)
+
+
+def stationary_edges(picture: Single, lines: FloatArray, reach: float) -> Single:
+    """Returns the edges in the image of the liquid at rest that do not belong to the liquid.
+
+    Args:
+        picture: (J, M) the still image.
+        lines: (N, M) rows of the liquid's lines where they are seen; NaN where they are not.
+        reach: rows around these lines that belong to them.
+
+    Returns:
+        (2, J, M) size of the step at each row, less like background below than above, and the
+        other way round; 0: none.
+    """
+    rows = np.arange(len(picture))[:, np.newaxis]
+    step = np.zeros_like(picture)
+    above, below = picture[:-3] + picture[1:-2], picture[2:-1] + picture[3:]
+    step[2:-1] = 0.5 * (above - below)
+    step[np.abs(step) < TUNING.faint] = 0.0
+    for line in lines:
+        step[np.abs(rows - 0.5 - line) <= reach] = 0.0
+    known = np.maximum(np.stack((step, -step)), 0.0)
+    shifted = [
+        np.roll(known, by, axis=1)
+        for by in range(-TUNING.stationary_shift, TUNING.stationary_shift + 1)
+    ]
+    return np.ascontiguousarray(TUNING.more_marked * np.max(shifted, axis=0), dtype=np.float32)
+
+
+@entry_point(float64[::1](PICTURE, STEPS, GIVEN_1))
+def moved_edges(picture, stationary, place):  # type: ignore[no-untyped-def]
+    """Returns sub-row positions (M,) of edges; NaN if the liquid at rest shows the same edge."""
+    moved = place.copy()
+    for i in range(place.size):
+        if np.isnan(place[i]):
+            continue
+        j = int(np.rint(place[i] + 0.5))
+        if j < 2 or j + 1 >= picture.shape[0]:
+            continue
+        if has_stood(fall_above(picture, j, i), stationary, j, i):
+            moved[i] = np.nan
+    return moved

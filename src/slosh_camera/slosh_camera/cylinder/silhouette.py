@@ -18,7 +18,7 @@ import numpy as np
 from numba.types import boolean, float64, int64
 
 from slosh_base.compiled.compilation import GIVEN_1, GIVEN_2, GIVEN_3, compiled, entry_point, given
-from slosh_camera.cylinder.surface_modes import RADIAL_STEPS, RADIAL_TABLE, SHAPES
+from slosh_camera.cylinder.surface import RADIAL_STEPS, RADIAL_TABLE, SHAPES
 from slosh_camera.cylinder.tuning import TUNING
 
 _TABLE = RADIAL_TABLE
@@ -120,7 +120,6 @@ def silhouette_rows(near, far, bottom, radius, fade, heights):  # type: ignore[n
     Args:
         near, far: (J, M, 3) ends of every sample's ray: x, y in radii, z [m]; NaN: none.
         bottom: (M,) row that certainly shows liquid.
-        radius, fade: as for touch.
         heights: (SHAPES,) [m].
 
     Returns:

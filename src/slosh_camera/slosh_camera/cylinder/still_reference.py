@@ -1,32 +1,28 @@
-"""Computes the detector's reference data from an image of the liquid at rest."""
+"""Computes the detector's reference data from an image of the liquid at rest.
+
+A clear liquid shows what is behind it. Then an edge of the background may end what is taken for
+liquid more clearly than the surface does, in the still image as in those to come. So the still
+image is measured like any other: what does not find the liquid at rest there, without being told,
+finds no wave either.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_camera.cylinder.appearance import looks_like_surroundings
 from slosh_camera.cylinder.container_edges import ContainerEdges
-from slosh_camera.cylinder.front_bias import FrontBias
-from slosh_camera.cylinder.front_line import FrontLineFinder
-from slosh_camera.cylinder.scan_grid import ScanGrid
-from slosh_camera.cylinder.stationary_edges import no_edges, stationary_edges
-from slosh_camera.cylinder.still_surface import (
-    REMEDY,
-    StillSurface,
-    find_still_surface,
-    is_found_again,
-)
+from slosh_camera.cylinder.front_line import FrontBias, FrontLineFinder, no_edges, stationary_edges
+from slosh_camera.cylinder.surface import SHAPES, Prior, SurfaceFit, Unrolled, WallPoints
 from slosh_camera.cylinder.surface_choice import SurfaceChooser
 from slosh_camera.cylinder.surface_comparison import SurfaceComparison
-from slosh_camera.cylinder.surface_evidence import Unrolled
-from slosh_camera.cylinder.surface_flags import surface_flags
-from slosh_camera.cylinder.surface_modes import SHAPES
-from slosh_camera.cylinder.surface_prior import Prior
-from slosh_camera.cylinder.surroundings import looks_like_surroundings
+from slosh_camera.cylinder.surface_reading import surface_flags
 from slosh_camera.cylinder.tuning import TUNING
-from slosh_camera.cylinder.wall_geometry import WallGeometry
+from slosh_camera.cylinder.wall_geometry import ScanGrid, WallGeometry
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag
 from slosh_camera.optics.cup import CupView
@@ -34,6 +30,7 @@ from slosh_camera.optics.cup import CupView
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 Single = NDArray[np.float32]
+
 
 # Flags of a line of which too little is seen to be a zero.
 _NOT_WHOLE = Flag.NOT_FOUND | Flag.SATURATED
@@ -78,16 +75,7 @@ class StillReferenceFinder:
         front: FrontLineFinder,
         edges: ContainerEdges,
     ) -> None:
-        """Stores the detector's parts that are needed to compute the reference data.
-
-        Args:
-            view: the container before the camera.
-            grid: the scan lines.
-            wall: their tables.
-            chooser: fits surfaces.
-            front: finds the contact line.
-            edges: of the container.
-        """
+        """Stores the detector's parts that are needed to compute the reference data."""
         self._view, self._grid, self._wall = view, grid, wall
         self._chooser, self._front, self._edges = chooser, front, edges
         radius, zero = view.cup.radius, np.zeros(SHAPES)
@@ -222,3 +210,96 @@ class StillReferenceFinder:
         return stationary_edges(
             view.picture, np.stack((front, upper)), TUNING.edge_rows + view.softness
         )
+
+
+REMEDY = "dye the liquid"
+"""What was found to help."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StillSurface:
+    """The free surface that was detected in an image of the liquid at rest.
+
+    Attributes:
+        view: the picture, with what the free surface looks like in it.
+        body: rows that show liquid.
+        zero: (SHAPES,) heights of the surface at rest [m]: its level and its tilt.
+    """
+
+    view: Unrolled
+    points: WallPoints
+    fit: SurfaceFit
+    body: slice
+    zero: FloatArray
+
+
+def find_still_surface(
+    chooser: SurfaceChooser,
+    seen: Sequence[tuple[Unrolled, WallPoints, slice]],
+    prior: Prior,
+    nearest: FloatArray,
+) -> StillSurface | None:
+    """Finds the most plausible level surface in an image of the liquid at rest.
+
+    Args:
+        seen: pictures, points of the contact line and rows of liquid, the usual ones first.
+        prior: of the heights of liquid at rest.
+        nearest: (2,) the place of the wall that is nearest to the camera, from the axis [m].
+
+    Returns:
+        The surface; None where there is no picture.
+    """
+    found: list[tuple[float, StillSurface]] = []
+    for view, points, body in seen:
+        fit, plausible = chooser.fit_still(view, points, prior)
+        tone = chooser.surface_tone(view, _at_rest(fit, nearest))
+        view = replace(view, surface=tone)
+        if np.isfinite(tone):
+            # Fitted anew: how the surface looks tells which edges end it.
+            again, likely = chooser.fit_still(view, points, prior)
+            if view.scatters or not chooser.is_suspect(again):
+                fit, plausible = again, likely
+        still = StillSurface(view, points, fit, body, _at_rest(fit, nearest))
+        found.append((plausible - (TUNING.second_body if found else 0.0), still))
+    return max(found, key=lambda entry: entry[0])[1] if found else None
+
+
+def is_found_again(still: StillSurface, comparison: SurfaceComparison) -> bool:
+    """Whether normal measurement of the liquid at rest clearly detects the level surface.
+
+    Args:
+        still: the liquid at rest, as it was found by what is known of it.
+
+    Raises:
+        SloshCameraError: it shows another surface.
+    """
+    choice = comparison.choose(comparison.sighting(((still.view, still.points),)), None)
+    if not choice.believed:
+        return False
+    height = float(np.hypot(*comparison.first(choice.candidate.fit)))
+    if height > TUNING.still_wave:
+        raise SloshCameraError(
+            f"still image: the liquid at rest would be measured as a wave of {1e3 * height:.0f} "
+            f"mm, by an edge that is seen through it; {REMEDY}"
+        )
+    return not choice.doubtful
+
+
+def _at_rest(fit: SurfaceFit, nearest: FloatArray) -> FloatArray:
+    """Returns level and tilt (SHAPES,) [m] of a surface fitted to liquid at rest.
+
+    What bends a contact line by some tenths of a millimetre, an uneven wall or what mirrors in the
+    liquid's end, reads as a tilt towards the camera of a millimetre at the rear wall. So where
+    that line is all that is seen, the calibration knows the tilt better.
+    """
+    heights, covariance = fit.heights[:3].copy(), fit.covariance[:3, :3]
+    if (
+        np.count_nonzero(fit.upper_weight > TUNING.inlier)
+        < TUNING.least_upper * fit.upper_weight.size
+    ):
+        radius = float(np.hypot(*nearest))
+        towards = np.concatenate(([0.0], nearest / radius))
+        spread = covariance @ towards
+        variance = float(towards @ spread) + (TUNING.tilt_towards * radius) ** 2
+        heights -= spread * float(towards @ heights) / variance
+    return np.concatenate((heights, np.zeros(SHAPES - 3)))

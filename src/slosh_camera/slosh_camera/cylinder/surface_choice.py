@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from slosh_base.compiled.compilation import GIVEN_1, compiled, entry_point, given
 from slosh_camera.cylinder import edge_search, silhouette
-from slosh_camera.cylinder.medians import ROBUST
-from slosh_camera.cylinder.surface_evidence import (
+from slosh_camera.cylinder.appearance import ROBUST
+from slosh_camera.cylinder.surface import (
     USUAL_FADE,
+    Prior,
     SurfaceFit,
     Unrolled,
     WallPoints,
+    wall_shapes,
 )
 from slosh_camera.cylinder.surface_fit import SurfaceFitter
-from slosh_camera.cylinder.surface_modes import wall_shapes
-from slosh_camera.cylinder.surface_prior import Prior
 from slosh_camera.cylinder.tuning import TUNING
 from slosh_camera.cylinder.wall_geometry import SKIP, WallGeometry
 
@@ -40,7 +40,6 @@ class SurfaceChooser:
         """Chooses pairs of scan lines for the search for candidate surfaces.
 
         Args:
-            geometry: tables of the scan lines.
             rim: height of the container's rim above its origin [m]; inf: not known.
         """
         self._wall, self._highest = geometry, rim + TUNING.over_rim * geometry.radius
@@ -51,11 +50,6 @@ class SurfaceChooser:
 
     def fit_certain(self, view: Unrolled, points: WallPoints, prior: Prior) -> SurfaceFit | None:
         """Fits the surface if nearly all contact-line points agree with it, else returns None.
-
-        Args:
-            view: the picture.
-            points: of the contact line.
-            prior: of the heights.
 
         Returns:
             The fit to the contact line and the upper edge; None where the points do not agree, or
@@ -107,8 +101,6 @@ class SurfaceChooser:
         """Fits surfaces for a changed liquid level, starting from the best-matching level.
 
         Args:
-            view: the picture.
-            points: of the contact line.
             at_rest, moving: priors of the heights of liquid of changed level.
 
         Returns:
@@ -301,7 +293,6 @@ def first_mode_candidates(azimuth, height, scale, pairs, count, highest):  # typ
         azimuth: (N,) [rad]. height: (N,) [m]; NaN where unknown.
         scale: deviation beyond which a point does not agree; candidates differ by more [m].
         pairs: (P, 2) indices of lines.
-        count: of candidates.
         highest: first mode that liquid can have [m].
 
     Returns:

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_camera.cylinder.surface import Prior, SurfaceFit, Unrolled, WallPoints
 from slosh_camera.cylinder.surface_choice import SurfaceChooser
-from slosh_camera.cylinder.surface_evidence import SurfaceFit, Unrolled, WallPoints
 from slosh_camera.cylinder.surface_memory import ExpectedMode
-from slosh_camera.cylinder.surface_prior import Prior
 from slosh_camera.cylinder.tuning import TUNING
 from slosh_camera.images.seams import NO_STEPS, Steps
 from slosh_camera.measurement import Flag
@@ -23,8 +22,6 @@ class CandidateSurface:
     """A candidate for the free surface in an image, with its score.
 
     Attributes:
-        view: the picture.
-        fit: the surface and its edges.
         plausible: how well they agree with the picture, to be compared with other candidates.
         changed: what it was fitted with, where the level may differ from that of the surface at
             rest; None: the usual prior.
@@ -60,7 +57,6 @@ class ChosenSurface:
     """The surface that was chosen for an image.
 
     Attributes:
-        candidate: which.
         believed: it agrees with the picture well enough to be one.
         decided: the images before decided for it.
         jumped: it is not where the images before let it be.
@@ -88,8 +84,6 @@ class SurfaceComparison:
         """Stores the priors with which candidate surfaces are fitted.
 
         Args:
-            chooser: makes candidates.
-            prior: of the heights.
             footprint: of a sample on the wall [m].
             at_rest: how plausible the surface at rest makes the still image; -inf: there is none.
         """

@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.cylinder import edge_search, surface_solver
-from slosh_camera.cylinder.surface_evidence import (
+from slosh_camera.cylinder.surface import (
+    SHAPES,
     USUAL_FADE,
     FadeShare,
+    Prior,
     SurfaceFit,
     Unrolled,
     WallPoints,
 )
-from slosh_camera.cylinder.surface_modes import SHAPES
-from slosh_camera.cylinder.surface_prior import Prior
 from slosh_camera.cylinder.tuning import TUNING
 from slosh_camera.cylinder.wall_geometry import WallGeometry
 
@@ -41,8 +41,6 @@ class SurfaceFitter:
         """Fits a free surface to points of the front contact line alone.
 
         Args:
-            points: of the contact line.
-            prior: of the heights.
             start: (SHAPES,) a first guess of the heights [m]; None: at rest.
             coarse: deviations of a point up to which it counts at first.
         """
@@ -61,10 +59,7 @@ class SurfaceFitter:
         """Detects contact line and upper edge near a surface and fits the surface to both.
 
         Args:
-            view: the picture.
-            points: of the contact line.
             start: (SHAPES,) heights of the surface [m].
-            prior: of the heights.
             coarse: deviations of an edge up to which it counts at first.
         """
         expected, upper = self._wall.front_rows(start), self._wall.silhouette(start, view.softness)
@@ -79,9 +74,6 @@ class SurfaceFitter:
         """Repeats a fit to the same edges, with another degree of fading of wave crests.
 
         Args:
-            view: the picture.
-            fit: a fit to the edges.
-            prior: of the heights.
             fade: share of the fade that crests show.
         """
         about = prior.conditional(fit.heights, self._wall.radius)
@@ -95,7 +87,6 @@ class SurfaceFitter:
         """Repeats the search for contact-line points that are far from the surface.
 
         Args:
-            view: the picture.
             points: as found without a surface.
             expected, upper: (M,) rows of the surface's contact line and upper edge.
         """
@@ -127,7 +118,6 @@ class SurfaceFitter:
         them are looked for again, below that edge.
 
         Args:
-            view: the picture.
             points: as found without a surface.
             expected, upper: (M,) rows of the surface's contact line and upper edge.
         """
@@ -152,7 +142,6 @@ class SurfaceFitter:
         """Detects edges near expected rows of the contact line (M,) on the given scan lines.
 
         Args:
-            view: the picture.
             lines: (M,) those that are looked at.
             expected, least: (M,) rows.
         """

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.cylinder.surface_evidence import USUAL_FADE, FadeShare
+from slosh_camera.cylinder.surface import USUAL_FADE, FadeShare
 from slosh_camera.cylinder.tuning import TUNING
 from slosh_model.bessel import bessel_derivative_root
 from slosh_model.constants import GRAVITY

@@ -1,4 +1,4 @@
-"""Evaluates a fitted surface: highest points, height profile and uncertainty."""
+"""Evaluates a fitted surface: highest points, height profile, uncertainty and flags."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.cylinder import silhouette, surface_solver
-from slosh_camera.cylinder.medians import median
-from slosh_camera.cylinder.surface_evidence import SurfaceFit
-from slosh_camera.cylinder.surface_modes import SHAPES, Shape, wall_shapes
+from slosh_camera.cylinder.appearance import median
+from slosh_camera.cylinder.surface import SHAPES, Shape, SurfaceFit, Unrolled, wall_shapes
 from slosh_camera.cylinder.tuning import TUNING
+from slosh_camera.cylinder.wall_geometry import WallGeometry
+from slosh_camera.measurement import Flag
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+
 
 _BINS = 180
 _STEP = 2.0 * np.pi / _BINS
@@ -47,7 +49,6 @@ class SurfaceReading:
         `contradiction` is how much less than claimed the edges tell, see `errors_together`.
 
         Args:
-            fit: the fit to the edges.
             zero: (SHAPES,) heights of the surface at rest [m].
             footprint: of a sample on the wall [m].
             cut_off: the surface reaches the image's border; nothing is told of what is beyond.
@@ -213,3 +214,29 @@ def _bell(width: float) -> FloatArray:
 _WALL = wall_shapes(_STEP * np.arange(_BINS))
 _KERNEL = _bell(TUNING.kernel_width)
 _NEAR = 2 * int(TUNING.stands_for / _STEP) + 1
+
+
+def surface_flags(wall: WallGeometry, view: Unrolled, fit: SurfaceFit) -> Flag:
+    """Returns the flags of a fitted surface; NOT_FOUND if too few edges agree with it."""
+    flags = Flag.TOO_BRIGHT if view.clipped else Flag.NONE
+    points = fit.points
+    front = (fit.front_weight > TUNING.inlier) & ~points.bound
+    upper = fit.upper_weight > TUNING.inlier
+    if _is_cut_off(wall, fit):
+        flags |= Flag.SATURATED
+    looked_at = np.count_nonzero(~points.bound)
+    read = np.count_nonzero(front | (upper & ~points.bound))
+    impossible = float(np.hypot(*fit.heights[1:3])) > TUNING.highest * wall.radius
+    if impossible or read < max(TUNING.least_read * looked_at, TUNING.least_samples):
+        return flags | Flag.NOT_FOUND
+    if read < (1.0 - TUNING.hidden_share) * looked_at:
+        flags |= Flag.OCCLUDED
+    return flags
+
+
+def _is_cut_off(wall: WallGeometry, fit: SurfaceFit) -> bool:
+    """Whether the liquid or its surface reaches the border of the image."""
+    cut = fit.points.bound & (wall.first_row > 0)
+    if np.count_nonzero(cut) >= TUNING.cut_lines:
+        return True
+    return bool(np.any(wall.beyond_border(fit.heights)))

@@ -15,7 +15,7 @@ from numba.types import Tuple, boolean, float64, int64
 from slosh_base.compiled.compilation import GIVEN_1, GIVEN_2, compiled, entry_point, given
 from slosh_base.compiled.normal_equations import factorize, substitute
 from slosh_camera.cylinder.silhouette import clearance, shapes_on_ray, touch
-from slosh_camera.cylinder.surface_modes import SHAPES
+from slosh_camera.cylinder.surface import SHAPES
 from slosh_camera.cylinder.tuning import TUNING
 
 _STEPS = 12
@@ -155,7 +155,6 @@ def solve(  # type: ignore[no-untyped-def]
         front_bound: (N,) whether the surface may be higher there.
         near, far: (M, 3) ends of the rays that the surface touches; NaN where there is none.
         ray_scale: (M,) deviation [m].
-        radius, fade: as for touch.
         start: (SHAPES,) first guess of the heights [m].
         centre, precision: (SHAPES,) mean [m] and (SHAPES, SHAPES) inverse covariance of the prior.
         share, share_spread: of the fade that crests show, the prior's mean and standard deviation.
@@ -233,7 +232,6 @@ def around_the_wall(index, residual, trust, bins, kernel, near):  # type: ignore
 
     Args:
         index: (N,) bin of each point. residual: (N,) [m]. trust: (N,) weight of each.
-        bins: of the curve.
         kernel: weights of the neighbours, of odd length.
         near: as long as the part of the curve for which a point stands.
 

@@ -17,7 +17,7 @@ class CylinderTuning:
     "σ" and "median" the standard and the median deviation.
     """
 
-    # scan_grid.py
+    # wall_geometry.py, scan lines
     wall_depth: float = number(0.85, "1", "part of the fill height that shows the wall")
     edge_inset: float = number(1.5, "px", "pixels at the sides that mix liquid and background")
     least_lines: int = number(12, "1", "least number of lines that show liquid and wall")
@@ -62,12 +62,12 @@ class CylinderTuning:
     sharp_rows: float = number(2.0, "row", "width of an edge in a sharp image")
     white: float = number(250.0, "grey", "level of a background that hides all bright things")
     hidden_line: float = number(0.6, "1", "contradiction at which a line counts as hidden")
-    # front_bias.py
+    # front_line.py, systematic error
     bias_lines: int = number(5, "1", "number of lines over which errors are averaged")
     bias_rows: float = number(3.0, "row", "rise over which the contact line's bias changes")
     # silhouette.py
     fade_rows: float = number(3.5, "row", "rows below a crest in which it fades in")
-    # stationary_edges.py
+    # front_line.py, stationary edges
     faint: float = number(0.06, "contrast", "largest step that counts as noise")
     stationary_shift: int = number(1, "1", "lines by which the image may be shifted")
     more_marked: float = number(2.0, "1", "ratio at which an edge is not the stationary one")
@@ -77,7 +77,7 @@ class CylinderTuning:
     at_rest: float = number(0.01, "1", "part of the usual heights that remains at rest")
     leaning: float = number(0.06, "rad", "standard deviation of an unknown tilt")
     still_plausible: float = number(0.15, "1", "least agreement of a doubtful liquid at rest")
-    # still_surface.py
+    # still_reference.py, surface at rest
     second_body: float = number(0.3, "1", "lead that the upper part of the wall needs")
     still_wave: float = number(1e-3, "m", "largest first mode measured in the still image")
     tilt_towards: float = number(math.radians(0.05), "rad", "σ of a tilt by the contact line")
@@ -110,7 +110,7 @@ class CylinderTuning:
     worse: float = number(0.4, "1", "loss of agreement against rest that leaves no choice")
     far_worse: float = number(0.5, "1", "loss of agreement against rest that is not sure")
     level_believed: float = number(0.4, "1", "least agreement of a changed level, no still image")
-    # surface_evidence.py
+    # surface.py
     like_liquid: float = number(0.15, "contrast", "largest deviation of a surface like its liquid")
     inlier: float = number(0.1, "1", "least weight of an edge that agrees with a fit")
     fade_mean: float = number(0.6, "1", "share of the fade that crests show")
@@ -128,7 +128,7 @@ class CylinderTuning:
     reversed_weight: float = number(0.3, "1", "weight of edges with less background above")
     reversed_above: int = number(3, "row", "rows above an edge that show the background")
     no_lighter: float = number(0.05, "contrast", "contrast of a background that is no lighter")
-    # surface_flags.py
+    # surface_reading.py, flags
     least_read: float = number(0.5, "1", "least part of the lines that shows an edge")
     hidden_share: float = number(0.13, "1", "part of the lines that may be hidden")
     cut_lines: int = number(2, "1", "fewest lines that make a surface cut off")
@@ -147,7 +147,7 @@ class CylinderTuning:
     decided: int = number(5, "1", "most images in a row that the memory decides")
     fade_drift: float = number(0.02, "1", "change of the fade's share between images")
     fade_known: float = number(0.15, "1", "least standard deviation of the fade's share")
-    # surface_prior.py
+    # surface.py, prior
     prior_surprise: float = number(0.02, "1", "cost of a height of one standard deviation")
     level_stddev: float = number(5e-3, "m", "standard deviation of a level that is not known")
     rare: float = number(0.18, "1", "cost of a changed level in motion")
@@ -177,7 +177,7 @@ class CylinderTuning:
     narrower: float = number(0.6, "1", "factor on the deviation in each step")
     many_rays: int = number(20, "1", "fewest rays that determine a start's error")
     fade_doubt: float = number(0.35, "1", "relative standard deviation of a fade's middle")
-    # surroundings.py
+    # appearance.py, surroundings
     colours_alike: float = number(0.13, "contrast", "largest difference of two equal colours")
     least_beside: float = number(0.5, "1", "least part beside the container in the image")
     bent_rows: int = number(4, "px", "shift of the background by the glass")

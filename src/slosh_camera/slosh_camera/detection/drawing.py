@@ -8,8 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.images.colour import to_colour
-from slosh_camera.images.lettering import WHITE, letter_size, put_text, text_width
+from slosh_camera.images.colour import WHITE, letter_size, put_text, text_width, to_colour
 from slosh_camera.measurement import Flag, Measurement, PeakSide
 from slosh_camera.optics.box import BoxView
 from slosh_camera.optics.calibration import AnyCalibration
@@ -91,7 +90,6 @@ def draw_measurement(
         image: (height, width) grey or (height, width, 3) blue-green-red; not changed.
         calibration: the calibration with which it was measured.
         measurement: what was measured in it.
-        note: a further line of text.
 
     Returns:
         (height, width, 3) blue-green-red picture.
@@ -207,8 +205,6 @@ def _surroundings(
     """Returns the image region around the container: left, top, right and bottom.
 
     Args:
-        view: where the container is.
-        image: the image.
         aspect: width / height that is aimed at, as far as the image goes.
     """
     height, width = image.shape[:2]

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image
-from slosh_camera.images.image_size import JPEG, PNG, WEBP, check_size, webp_damage
+from slosh_camera.images.headers import JPEG, PNG, WEBP, check_size, tiff_pages, webp_damage
 from slosh_camera.images.jpeg_file import jpeg_damage
-from slosh_camera.images.tiff_pages import tiff_pages
 
 Bytes = NDArray[np.uint8]
 
@@ -107,8 +106,6 @@ def to_image(
 
     Args:
         encoding: one of ENCODINGS, in letters of any size, or GenICam's name of it.
-        height: number of rows.
-        width: number of columns.
         step: length of a row [bytes], padding included.
         data: the rows, any buffer of bytes.
         big_endian: byte order of 16-bit encodings.
@@ -256,7 +253,6 @@ def read_page(path: Path, number: int) -> Image:
     """Reads one page of a TIFF file.
 
     Args:
-        path: the file.
         number: of the page, one of `tiff_pages`.
 
     Raises:

@@ -165,8 +165,6 @@ def read_scan(data, start, tables, blocks, most, units, restart):  # type: ignor
     """Decodes a JPEG scan from its first byte to the next marker.
 
     Args:
-        data: the file.
-        start: of the scan's data.
         tables: (T, CODE_TABLE) code tables.
         blocks: (B, 3) of a unit: component, tables of its first and its other coefficients.
         most: (C, COEFFICIENTS) largest values that the coefficients may have, by component.

@@ -15,9 +15,9 @@ class ImagesTuning:
     `torn_images.py` in validation/studies.
     """
 
-    # exif.py
+    # headers.py
     same_ratio: float = number(0.02, "1", "relative difference of two aspect ratios that are one")
-    # repeats.py
+    # seams.py, repeated images
     buffers: int = number(8, "1", "number of images that a driver may return in turn")
     bands: int = number(16, "1", "number of bands of rows that are compared")
     noisy: int = number(8, "1", "number of differing images after which a band has noise")

@@ -6,27 +6,24 @@ import math
 import statistics
 import sys
 import time
-from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage, Image
 
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compilation import load_telling
 from slosh_base.compiled.compile_cache import sources_digest
 from slosh_base.files.nanoseconds import SECOND
-from slosh_camera.calibrate.camera_file import format_calibration, read_any_calibration
-from slosh_camera.detection.learnt import learnt_detector
+from slosh_camera.calibrate.camera_file import read_any_calibration
+from slosh_camera.detection.detectors import learnt_detector
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image as Pixels
 from slosh_camera.images.decoding import decode_compressed, to_image
 from slosh_camera.measurement import Flag, Measurement, bad_image
-from slosh_camera.nodes.changed_container import FollowingDetector
-from slosh_camera.nodes.driver_info import DriverInfo
+from slosh_camera.nodes.camera_input import DriverInfo, FollowingDetector, FrameGaps, NewestImage
 from slosh_msgs.msg import FreeSurface
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
@@ -39,11 +36,7 @@ from slosh_msgs_py.node.rivals import Rivals
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.node.silence import SilentTopic
-from slosh_msgs_py.node.speakers import WithInfo
 from slosh_msgs_py.stamps import MAXIMUM, to_nanoseconds
-
-_REMEMBERED = 40
-_ENOUGH = 8
 
 MANY = 0.25
 """Where this share of the images is dropped between two reports, the node cannot keep pace."""
@@ -126,11 +119,8 @@ class CameraNode(PreparedNode):
         if not self._is_raw:
             kind, use = (CompressedImage, self._on_compressed)
         self._looking = FollowingDetector(
-            self, self._calibration, self._detector, self._container,
-            lambda found, stamp_ns: self._settings.publish(
-                {"calibration": format_calibration(found)}, stamp_ns
-            ),
-        )  # fmt: skip
+            self, self._calibration, self._detector, self._container, self._settings
+        )
         type_name = f"sensor_msgs/msg/{kind.__name__}"
         self._topic = SilentTopic(self, self._image, type_name)
         self._rivals = Rivals(self, self._image, type_name)
@@ -253,11 +243,7 @@ def surface_message(measurement: Measurement, frame: str, rim: float | None) -> 
 
 
 class Complaints:
-    """Logs warnings at most once per period, and only a few different ones.
-
-    Args:
-        tell: takes a line.
-    """
+    """Logs warnings at most once per period, and only a few different ones."""
 
     def __init__(self, tell: Callable[[str], object]) -> None:
         self._tell = tell
@@ -269,7 +255,6 @@ class Complaints:
         """Logs a warning unless it was logged recently.
 
         Args:
-            complaint: one line.
             now_ns: by a clock that never jumps [ns].
         """
         self.last = complaint
@@ -319,99 +304,6 @@ class LevelChanges:
 def main() -> int:
     """Runs the camera node."""
     return run_node(lambda: CameraNode(later=True))
-
-
-class NewestImage:
-    """Image subscription that drops all waiting images except the newest.
-
-    The queue holds one image, so that work never lags behind by more than that. It reads
-    reliably: of large images read as best effort Fast DDS loses many. Where a publisher offers
-    no more than best effort, that is taken.
-
-    Attributes:
-        dropped: images that were published and not read: a newer one came, or they were lost.
-    """
-
-    def __init__(self, node: Node, kind: Any, topic: str, use: Callable[[Any], None]) -> None:
-        """Creates the subscription to the image topic.
-
-        Args:
-            node: the node.
-            kind: Image or CompressedImage.
-            topic: where the images are.
-            use: gets each image.
-        """
-        self._node, self._kind, self._topic, self._use = node, kind, topic, use
-        self.dropped = 0
-        self._last: int | None = None
-        self._subscription = self._subscribe(qos.IMAGE_RELIABLE_IN)
-
-    @property
-    def is_reliable(self) -> bool:
-        """Whether the subscription's QoS is reliable."""
-        return bool(self._subscription.qos_profile == qos.IMAGE_RELIABLE_IN)
-
-    def _subscribe(self, profile: Any) -> Any:
-        events = SubscriptionEventCallbacks(
-            incompatible_qos=self._on_incompatible, use_default_callbacks=False
-        )
-        callback = WithInfo(self._on_image)
-        return self._node.create_subscription(
-            self._kind, self._topic, callback, profile, event_callbacks=events
-        )
-
-    def _on_incompatible(self, event: Any) -> None:
-        if self.is_reliable:
-            self._node.get_logger().warning(
-                f"{self._topic}: a publisher offers best effort only, some images may be lost"
-            )
-            reliable = self._subscription
-            self._subscription = self._subscribe(qos.IMAGE_IN)
-            self._node.destroy_subscription(reliable)
-            self._last = None
-
-    def _on_image(self, message: Any, info: Mapping[str, Any]) -> None:
-        number = info.get("publication_sequence_number")
-        if number is not None:
-            # A publisher that starts anew counts from the beginning.
-            if self._last is not None and number > self._last:
-                self.dropped += number - self._last - 1
-            self._last = number
-        self._use(message)
-
-
-class FrameGaps:
-    """Counts frames that are missing in an image stream.
-
-    A gap of more than a second is a pause of the camera, not a loss. Where every second frame is
-    lost from the start, nothing in the stamps shows it: then only a stated rate does.
-
-    Args:
-        rate: frames per second of the camera [Hz]; 0: the one that the stamps show.
-    """
-
-    def __init__(self, rate: float = 0.0) -> None:
-        self._period_ns = SECOND / rate if rate > 0.0 else 0.0
-        self._intervals: deque[int] = deque(maxlen=_REMEMBERED)
-        self._last_ns: int | None = None
-        self.missing = 0
-
-    def add(self, stamp_ns: int) -> None:
-        """Adds the stamp of the next frame [ns]; a decreasing stamp resets the counter."""
-        last_ns, self._last_ns = self._last_ns, stamp_ns
-        if last_ns is None or not 0 < stamp_ns - last_ns <= SECOND:
-            return
-        interval = stamp_ns - last_ns
-        period = self._period_ns or self._learned()
-        self._intervals.append(interval)
-        if period > 0.0:
-            self.missing += max(round(interval / period) - 1, 0)
-
-    def _learned(self) -> float:
-        if len(self._intervals) < _ENOUGH:
-            return 0.0
-        # The lower quartile: right as long as three of four gaps may be due to losses.
-        return float(sorted(self._intervals)[len(self._intervals) // 4])
 
 
 if __name__ == "__main__":

@@ -16,9 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from slosh_base.types import Array
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Measurement
-from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.camera import PinholeCamera, Pose
 from slosh_camera.optics.container import SeenContainer
-from slosh_camera.optics.pose import Pose
 
 # Newton's method on a concave increasing function converges from below in a handful of steps.
 _NEWTON_STEPS = 20
@@ -58,9 +57,7 @@ class BoxView:
     """Projection between a rectangular container and its side view.
 
     Attributes:
-        camera: the camera.
         pose: transform container -> camera.
-        box: the container.
     """
 
     camera: PinholeCamera

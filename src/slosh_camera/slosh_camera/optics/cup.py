@@ -21,11 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 from slosh_base.types import Array, BoolArray
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Measurement
-from slosh_camera.optics.camera import PinholeCamera
-from slosh_camera.optics.cone_kernel import EXACT, STEPS, find_entries
+from slosh_camera.optics.camera import PinholeCamera, Pose
 from slosh_camera.optics.container import SeenContainer
-from slosh_camera.optics.pose import Pose
-from slosh_camera.optics.refraction import GlassWall, WallTrace
+from slosh_camera.optics.refraction import EXACT, STEPS, GlassWall, WallTrace, find_entries
 from slosh_model.containers import Container
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.shapes.round_cups import Frustum
@@ -144,16 +142,14 @@ class Cup(SeenContainer):
 class CupView:
     """Projection between a cylindrical container and a camera's image.
 
-    >>> from slosh_camera.optics.pose import look_at
+    >>> from slosh_camera.optics.camera import look_at
     >>> camera = PinholeCamera(640, 480, fx=800.0, fy=800.0, cx=319.5, cy=239.5)
     >>> view = CupView(camera, look_at([0.0, -0.4, 0.1], [0.0, 0.0, 0.0]), Cup(0.04, 0.06))
     >>> view.project([[0.0, 0.0, 0.0]]).round(1).tolist()  # px
     [[319.5, 239.5]]
 
     Attributes:
-        camera: the camera.
         pose: transform container -> camera.
-        cup: the container.
     """
 
     camera: PinholeCamera
@@ -359,7 +355,6 @@ def sight_through(
     """Returns the directions of rays from outside that reach inner points of a cone.
 
     Args:
-        wall: the cone.
         origin: (3,) camera's centre [m].
         points: (N, 3) on the inner wall [m].
         rear: (N,) whether a point is seen through the front wall and the air behind it; None:

@@ -29,11 +29,7 @@ _STEEPEST = 3.0
 
 @dataclass(frozen=True, slots=True)
 class RoundBody(Box):
-    """A body of revolution as seen from the side; `width` is that of its silhouette.
-
-    Attributes:
-        body: the container.
-    """
+    """A body of revolution as seen from the side; `width` is that of its silhouette."""
 
     body: RevolvedContainer | None = field(default=None, metadata={"is_length": False})
 

@@ -71,7 +71,6 @@ def brightness(part: Image, region: SideRegion) -> tuple[float, float]:
 
     Args:
         part: (rows, columns) or (rows, columns, 3) of the region.
-        region: the region.
 
     Returns:
         Medians where the face is nearly always wet or dry, mean of the colours.
@@ -97,7 +96,6 @@ def colour_weights(part: Image, region: SideRegion) -> FloatArray | None:
 
     Args:
         part: (rows, columns) or (rows, columns, 3) of the region.
-        region: the region.
 
     Returns:
         Fisher's linear discriminant of the two sets of samples; None for grey images.
@@ -140,8 +138,6 @@ def seen_appearance(channel: Image, region: SideRegion, weights: FloatArray | No
 
     Args:
         channel: (rows, columns) of the region.
-        region: the region.
-        weights: of the channel.
 
     Returns:
         The appearance; foreign things are not known.
@@ -165,8 +161,6 @@ def learnt_appearance(
 
     Args:
         channel: (rows, columns) of the region.
-        region: the region.
-        weights: of the channel.
         line: (columns,) rows of the still line.
 
     Returns:
@@ -193,7 +187,6 @@ def evidence(small: Image, appearance: Appearance, levels: Levels) -> Single:
 
     Args:
         small: (rows, columns) channel of half the size.
-        appearance: liquid and background.
         levels: of this image; light that changed since scales the appearance.
 
     Returns:

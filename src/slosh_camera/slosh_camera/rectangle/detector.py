@@ -14,21 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.images.repeats import RepeatedFrames
-from slosh_camera.images.seams import SeamFinder
+from slosh_camera.images.seams import RepeatedFrames, SeamFinder
 from slosh_camera.images.still_edges import Edge, StillEdges, along_end, along_side
 from slosh_camera.measurement import NAN, Flag, Measurement, PeakSide
 from slosh_camera.optics.box import BoxView
 from slosh_camera.optics.calibration import SideCalibration
 from slosh_camera.optics.round_body import ELEVATION, RoundView
 from slosh_camera.rectangle.appearance import learnt_appearance
-from slosh_camera.rectangle.fit import FittedLine, refined_shape
+from slosh_camera.rectangle.fit import BOW, FittedLine, RoundWaves, refined_shape
 from slosh_camera.rectangle.profile import Profile, common_error, describe
-from slosh_camera.rectangle.region import find_side_region
-from slosh_camera.rectangle.round_wall import round_wall
+from slosh_camera.rectangle.region import find_side_region, round_wall
 from slosh_camera.rectangle.trace import Knowledge, Light, TracedLine, trace_line
 from slosh_camera.rectangle.tuning import TUNING
-from slosh_camera.rectangle.waves import BOW, RoundWaves
 from slosh_camera.settings import DetectionSettings
 
 Image = NDArray[np.uint8]
@@ -121,10 +118,6 @@ class SideViewDetector:
 
         Args:
             stamp_ns: moment of exposure [ns].
-            image: as for measure.
-
-        Returns:
-            The measurement.
 
         Raises:
             SloshCameraError: as measure.

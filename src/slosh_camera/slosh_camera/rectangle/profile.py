@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from slosh_camera.measurement import NAN
 from slosh_camera.optics.box import BoxView
-from slosh_camera.rectangle.fit import slope_weights, straight_line
+from slosh_camera.rectangle.fit import Waves, slope_weights, straight_line
 from slosh_camera.rectangle.trace import TracedLine
 from slosh_camera.rectangle.tuning import TUNING
-from slosh_camera.rectangle.waves import Waves
 
 FloatArray = NDArray[np.float64]
 
@@ -68,11 +67,7 @@ def describe(line: TracedLine, view: BoxView) -> Profile:
     """Computes profile, highest points and straight line from a detected contact line.
 
     Args:
-        line: the line.
         view: the container as the camera sees it.
-
-    Returns:
-        What the line says.
     """
     half = 0.5 * view.box.width
     x = _places(view.box.width)

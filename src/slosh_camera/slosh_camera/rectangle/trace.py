@@ -23,19 +23,25 @@ from slosh_camera.rectangle.appearance import (
     raw_contrast,
     seen_appearance,
 )
-from slosh_camera.rectangle.fit import FittedLine, first_shape, refined_shape, sample_draws
+from slosh_camera.rectangle.fit import (
+    FittedLine,
+    first_shape,
+    refined_shape,
+    sample_draws,
+    waves_of,
+)
 from slosh_camera.rectangle.line import (
     ColumnSplit,
     Edges,
+    FrontLine,
     canny_edges,
     drop_loose_segments,
+    front_line,
     refine_edges,
     split_columns,
 )
-from slosh_camera.rectangle.rear import FrontLine, front_line
 from slosh_camera.rectangle.region import SideRegion
 from slosh_camera.rectangle.tuning import TUNING
-from slosh_camera.rectangle.waves import waves_of
 from slosh_camera.settings import DetectionSettings
 
 Image = NDArray[np.uint8]
@@ -75,8 +81,6 @@ class Light:
 
     Attributes:
         channel: (rows, columns), blurred.
-        levels: of it.
-        appearance: liquid and background.
         clipped: whether the camera clips the brighter one of the two.
     """
 
@@ -96,7 +100,6 @@ class TracedLine:
         pixels: (N, 2) [px].
         softness: (N,) standard deviations of the edges [px].
         doubt: (N,) by which the line may be lower, since the surface behind may be seen [px].
-        shape: what is fitted.
         pixel_height: footprint of one pixel row [m].
         full_x: (M,) places of the columns that are full of liquid [m].
         full_z: (M,) heights up to which they are seen to be full [m].
@@ -139,13 +142,8 @@ def trace_line(
 
     Args:
         view: the container as the camera sees it.
-        region: the region.
-        settings: the detector's settings.
         knowledge: what the liquid at rest has taught.
         image: (height, width) or (height, width, 3) of the calibrated camera.
-
-    Returns:
-        What the image shows.
     """
     part = image[region.window]
     dark, bright = brightness(part, region)

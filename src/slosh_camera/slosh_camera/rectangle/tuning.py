@@ -53,7 +53,7 @@ class RectangleTuning:
     scatter_floor: float = number(0.03, "px", "least scatter of the points")
     end_rows: float = number(4.0, "px", "rows at the region's upper end that hold no line")
     clipped: float = number(252.0, "grey", "level at which the camera clips")
-    # rear.py
+    # line.py, rear wall
     apart_rows: float = number(3.0, "px", "least distance of two distinct lines")
     apart_softness: float = number(2.4, "softness", "the same for soft edges")
     sharp_percentile: float = number(10.0, "%", "percentile of the edges for the sharpness")
@@ -75,7 +75,7 @@ class RectangleTuning:
     common_clipped: float = number(0.3, "softness", "common error where the camera clips")
     doubt_part: float = number(0.5, "1", "standard deviation of a doubtful height over its doubt")
     correlated_columns: float = number(4.0, "px", "columns over which residuals are correlated")
-    # round_wall.py
+    # region.py, round walls
     sideways: float = number(0.25, "1", "cosine below which the highest place is at an end")
     most_spread: float = number(1e-3, "m", "spread of a height that is not called ambiguous")
     sure_reading: float = number(0.95, "1", "probability at which a reading is sure")
