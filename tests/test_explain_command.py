@@ -13,12 +13,14 @@ from slosh_bringup.detect import table as detected
 from slosh_bringup.explain.effect import plain_equation
 from slosh_bringup.explain.terms import flags
 from slosh_bringup.live import run_result
+from slosh_bringup.predict import document as predicted
 from slosh_camera.measurement import Flag
 from slosh_discovery.discovery_report import text as discovered
 from slosh_discovery.identification_report import text as identified
 from slosh_estimator.validity import EstimateFlag
 from slosh_fleet.validation import sections
 from slosh_model.effects.registry import EFFECTS
+from slosh_plan.plan_report import document as planned
 from slosh_plan.tables.path_table import PLACES
 from slosh_plan.validity import MotionFlag
 from slosh_report.page.units import UNITS
@@ -96,13 +98,14 @@ PAGES = (
     ("slosh_report.run_report", "report.html.j2"),
     ("slosh_report.index_page", "index.html.j2"),
     ("slosh_fleet.validation", "validation.html.j2"),
-    ("slosh_plan.plan_report", "plan.html.j2"),
     ("slosh_discovery.discovery_report", "discovery.html.j2"),
     ("slosh_discovery.identification_report", "identification.html.j2"),
-    ("slosh_bringup.predict", "predict.html.j2"),
     ("slosh_fleet.motions", "motions.html.j2"),
     ("slosh_bringup.watch.page", "index.html"),
 )
+
+DOCUMENTS = (planned, predicted, sections)
+HEADING = r'(?:Column|numbers|limited|KeyFigure)\(\s*"([^"]+)"'
 
 
 def page_headings():
@@ -115,8 +118,9 @@ def page_headings():
 
 
 def printed_heads():
-    """Returns the headings of the tables that commands print, read from their source code."""
-    yield from re.findall(r'Column\("([^"]+)"', inspect.getsource(sections))
+    """Returns the headings of tables and figures of documents, read from their source code."""
+    for module in DOCUMENTS:
+        yield from re.findall(HEADING, inspect.getsource(module))
     for module in (discovered, identified, replay, run_result):
         source = inspect.getsource(module)
         tuples = re.findall(
@@ -128,7 +132,7 @@ def printed_heads():
 
 COLUMNS = sorted(
     {
-        *simulated.COLUMNS, *detected.COLUMNS, *predict.COLUMNS, *predict.HEADING, *replay.HEADS,
+        *simulated.COLUMNS, *detected.COLUMNS, *predict.COLUMNS, *replay.HEADS,
         *MOTION, *ATTITUDE, *ANGULAR_VELOCITY, *PLACES, "eta_045", "clock", *page_headings(),
         *printed_heads(), "MAE 3D-NL", "ε 2D-L", "highest measured", "limit events",
     }

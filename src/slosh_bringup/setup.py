@@ -27,7 +27,7 @@ setup(
     cmdclass={"develop": Develop},
     version=ElementTree.parse("package.xml").findtext("version"),
     packages=find_packages(exclude=["test"]),
-    package_data={PACKAGE: ["py.typed", "watch/page/*", "predict/*.j2", "scale_page/clicks.*"]},
+    package_data={PACKAGE: ["py.typed", "watch/page/*", "scale_page/clicks.*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

@@ -26,7 +26,7 @@ setup(
     cmdclass={"develop": Develop},
     version=ElementTree.parse("package.xml").findtext("version"),
     packages=find_packages(exclude=["test"]),
-    package_data={PACKAGE: ["py.typed", "plan_report/*.j2", "plan_report/*.css"]},
+    package_data={PACKAGE: ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

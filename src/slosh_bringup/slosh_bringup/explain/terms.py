@@ -125,6 +125,8 @@ COLUMNS: Mapping[str, str] = {
     "excess residual_excess": "peak or residual minus its limit [m]; negative: below it",
     "safe_from time_scale": "multiple of the duration from which on every slower run keeps the "
     "limits",
+    "frequency_tolerance": "largest error of the natural frequency with which a plan keeps its "
+    "limits [%, in files 1]",
     "safe_scales": "intervals of time scales that keep the limits",
     "proven": "whether a bound of the linear model shows that all slower runs are safe",
     "kept": "whether all limits are kept",

@@ -29,6 +29,7 @@ from slosh_discovery.discovery_report.words import (
     shown_parameter,
 )
 from slosh_model.simulate import Inputs
+from slosh_report.page.series import time_ends
 from slosh_report.page.svg import (
     DASHES,
     GAP,
@@ -42,7 +43,6 @@ from slosh_report.page.svg import (
     chart_points,
     draw_line,
     time_chart,
-    time_ends,
 )
 from slosh_report.page.template import data_element, make_environment
 from slosh_report.page.units import shown

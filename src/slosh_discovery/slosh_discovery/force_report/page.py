@@ -13,6 +13,7 @@ from slosh_discovery.force.result import ForceIdentification
 from slosh_discovery.force.text import direction, force_json
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
+from slosh_report.page.series import time_ends
 from slosh_report.page.svg import (
     INK,
     LINEAR,
@@ -23,7 +24,6 @@ from slosh_report.page.svg import (
     chart_points,
     draw_line,
     time_chart,
-    time_ends,
 )
 from slosh_report.page.template import make_environment
 

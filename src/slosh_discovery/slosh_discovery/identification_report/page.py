@@ -33,6 +33,7 @@ from slosh_discovery.identify.result import (
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.parameters import DAMPING, FREQUENCY
+from slosh_report.page.series import time_ends
 from slosh_report.page.svg import (
     DASHES,
     GAP,
@@ -50,7 +51,6 @@ from slosh_report.page.svg import (
     style,
     svg_text,
     time_chart,
-    time_ends,
 )
 from slosh_report.page.template import data_element, make_environment
 from slosh_report.page.units import shown

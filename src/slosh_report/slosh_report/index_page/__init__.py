@@ -65,7 +65,11 @@ def render_index(title: str, rows: Sequence[IndexRow]) -> str:
     document = [{**plain(row), "link": row.link} for row in rows]
     failed = sum(row.verdict in (None, RunVerdict.FAILED) for row in rows)
     return _template().render(
-        title=title, rows=document, failed=failed, mark=MARK, scripts=[script(_FOLDER, "sort.js")]
+        title=title,
+        rows=document,
+        failed=failed,
+        mark=MARK,
+        scripts=[script("slosh_report.page", "sort.js")],
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_base.types import Array
-from slosh_report.page.series import POINTS, gaps, highest, united
+from slosh_report.page.series import POINTS, gaps, highest, time_ends, united
 from slosh_report.page.svg import (
     CARD,
     DASHES,
@@ -25,7 +25,6 @@ from slosh_report.page.svg import (
     chart_points,
     draw_line,
     time_chart,
-    time_ends,
 )
 from slosh_report.run_report.data import RunReport
 from slosh_report.run_report.rows import RunMotion

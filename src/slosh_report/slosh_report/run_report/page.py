@@ -15,8 +15,8 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from slosh_base.types import Array
-from slosh_report.page.series import extremes
-from slosh_report.page.svg import MARGINS, NARROW, WIDE, time_ends
+from slosh_report.page.series import extremes, time_ends
+from slosh_report.page.svg import MARGINS, NARROW, WIDE
 from slosh_report.page.template import Script, data_element, make_environment, number, script
 from slosh_report.page.units import digits_that_differ, shown, unit_style
 from slosh_report.run_report.charts import (
