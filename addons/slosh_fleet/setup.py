@@ -10,12 +10,12 @@ setup(
     name=PACKAGE,
     version=ElementTree.parse("package.xml").findtext("version"),
     packages=find_packages(exclude=["test"]),
-    package_data={PACKAGE: ["py.typed", "motions/*.j2", "validation/*.j2", "validation/*.css"]},
+    package_data={PACKAGE: ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "jinja2", "matplotlib", "numpy>=1.26"],
+    install_requires=["setuptools", "matplotlib", "numpy>=1.26"],
     extras_require={
         "fleet": ["duckdb>=1.2", "fsspec", "pyarrow"],
         "storage": ["s3fs"],

@@ -10,21 +10,12 @@ setup(
     name=PACKAGE,
     version=ElementTree.parse("package.xml").findtext("version"),
     packages=find_packages(exclude=["test"]),
-    package_data={
-        PACKAGE: [
-            "py.typed",
-            "discovery_report/*.j2",
-            "discovery_report/*.css",
-            "force_report/*.j2",
-            "identification_report/*.j2",
-            "identification_report/*.css",
-        ]
-    },
+    package_data={PACKAGE: ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "jinja2", "matplotlib", "numba", "numpy>=1.26", "scipy"],
+    install_requires=["setuptools", "matplotlib", "numba", "numpy>=1.26", "scipy"],
     extras_require={"tables": ["pandas"]},
     zip_safe=False,
     maintainer="Slosh Monitor maintainers",

@@ -17,10 +17,6 @@ setup(
             "page/*.css",
             "page/*.js",
             "uplot/*",
-            "run_report/*.j2",
-            "index_page/*.j2",
-            "index_page/*.js",
-            "index_page/*.css",
         ]
     },
     data_files=[

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
@@ -10,114 +10,11 @@ from slosh_base.types import Array
 from slosh_report.page.frame import Frame
 from slosh_report.page.series import time_ends
 from slosh_report.page.svg import NARROW, WIDE
-from slosh_report.page.units import DASH, shown
+from slosh_report.texts import Mark, Text
 
 ROWS = 100
 """Most rows of a table or list on a page; the JSON document holds them all."""
 Size: TypeAlias = tuple[float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class Number:
-    """A number that is shown rounded.
-
-    Attributes:
-        value: in SI units; None or NaN: unknown.
-        unit: in which it is shown, one of UNITS; the text around it names it.
-        digits: decimals; None: the unit's own.
-        prefix: sign before the number, such as "≥ ".
-        path: JSON pointer of it in the document's data; empty: it is not there.
-        said: its text, if it is not rounded by its unit.
-    """
-
-    value: float | None
-    unit: str = ""
-    digits: int | None = None
-    prefix: str = ""
-    path: str = ""
-    said: str = ""
-
-    @property
-    def text(self) -> str:
-        """The number as it is shown, with its prefix."""
-        return self.said or self.prefix + shown(self.value, self.unit, self.digits)
-
-
-@dataclass(frozen=True, slots=True)
-class Mark:
-    """A part of a text that looks different.
-
-    Attributes:
-        text: the part.
-        kind: "b", "code", "ins" and classes of the style sheet, parted by blanks.
-        title: what a pointer over it shows.
-        link: where it leads; empty: nowhere.
-    """
-
-    text: Text
-    kind: str = ""
-    title: str = ""
-    link: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Bars:
-    """Horizontal bars in a cell of a table: value, full length and class of each."""
-
-    bars: tuple[tuple[float | None, float, str], ...]
-
-
-Text: TypeAlias = "str | Number | Mark | Bars | tuple[Text, ...]"
-
-
-def words(text: Text) -> str:
-    """Returns a text without its marks."""
-    if isinstance(text, str):
-        return text
-    if isinstance(text, Number):
-        return text.text
-    if isinstance(text, Mark):
-        return words(text.text)
-    return "".join(map(words, text)) if isinstance(text, tuple) else ""
-
-
-def joined(parts: Iterable[Text], between: str) -> Text:
-    """Joins texts by a text between them."""
-    found: list[Text] = []
-    for part in parts:
-        found += [between, part] if found else [part]
-    return tuple(found)
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """A place in a document's data, which knows its JSON pointer (RFC 6901)."""
-
-    data: Any
-    path: str = ""
-
-    def __getitem__(self, key: str | int) -> Place:
-        step = str(key).replace("~", "~0").replace("/", "~1")
-        return Place(self.data[key], f"{self.path}/{step}")
-
-    def __iter__(self) -> Iterator[Place]:
-        return (self[index] for index in range(len(self.data)))
-
-    def number(self, key: str | int, unit: str = "", digits: int | None = None) -> Number:
-        """Returns the number of a key, in the unit in which it is shown."""
-        there = self[key]
-        return Number(there.data, unit, digits, path=there.path)
-
-    def exact(self, key: str | int, digits: int | None = None) -> Number:
-        """Returns a number of unknown unit, with all or some of its digits."""
-        value = self.data[key]
-        text = DASH if value is None else repr(value) if digits is None else f"{value:.{digits}g}"
-        return self.said(key, text.replace("-", "−"))
-
-    def said(self, key: str | int, text: str) -> Number:
-        """Returns the number of a key with a text of its own."""
-        there = self[key]
-        return Number(there.data, path=there.path, said=text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,6 +164,15 @@ def table(caption: Text, columns: Iterable[Column], rows: Iterable[Any], **more:
     columns = tuple(columns)
     cells = tuple(tuple(column.cell(row) for column in columns) for row in rows)
     return Table(caption, columns, cells, **more)
+
+
+def plain_table(rows: Iterable[Sequence[Text]], sides: str, heads: Sequence[str] = ()) -> Table:
+    """Makes a table of texts for a terminal: ">" is a column of numbers, "<" another one."""
+    columns = tuple(
+        Column(head, str, "n" if side == ">" else "")
+        for head, side in zip(heads or [""] * len(sides), sides, strict=True)
+    )
+    return Table("", columns, tuple(map(tuple, rows)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,9 +9,10 @@ from typing import Any
 
 from slosh_base.files import write_text
 from slosh_base.files.plain_text import plain_line
-from slosh_report.document import Block, Code, Document, Facts, Lines, Paragraph, Table, words
+from slosh_report.document import Block, Code, Document, Facts, Lines, Paragraph, Table
 from slosh_report.json_values import plain
 from slosh_report.text_table import aligned
+from slosh_report.texts import words
 
 
 def document_text(document: Document) -> str:
@@ -49,6 +50,11 @@ def _lines(block: Block) -> Iterator[str]:
 def json_text(data: Any, indent: int | None = 2) -> str:
     """Returns data as strict JSON, identical for identical data; what is not known is null."""
     return json.dumps(plain(data), indent=indent, allow_nan=False) + "\n"
+
+
+def printed(document: Document, as_json: bool) -> str:
+    """Returns what a command prints: a document's short text, or its data."""
+    return json_text(document.data) if as_json else document_text(document) + "\n"
 
 
 def write_document(page: Path, document: Document, data: Path | None = None) -> None:

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slosh_report.document import (
-    Bars,
     Chart,
     Code,
     Column,
@@ -20,22 +19,18 @@ from slosh_report.document import (
     Group,
     Line,
     Lines,
-    Mark,
-    Number,
     Paragraph,
-    Place,
     Section,
     changed_lines,
-    joined,
     numbers,
     table,
-    words,
 )
 from slosh_report.json_values import plain
 from slosh_report.page.charts import chart_svg
 from slosh_report.page.html import html_page, inline
 from slosh_report.page.template import readable
 from slosh_report.text import blocks_text, document_text, json_text
+from slosh_report.texts import Bars, Mark, Number, Place, joined, words
 from slosh_testing.pages import at
 from slosh_testing.reports import CONTROL, Page, evil
 

@@ -63,7 +63,7 @@ COLUMNS: Mapping[str, str] = {
     "verdict": "passed, failed or no expectation, by the manifest; of a discovery its result",
     "latency": "time from an image's exposure to its comparison [ms]",
     "lost lost_messages": "messages that were published and are not in the bag",
-    "what": "quantity that the row is about",
+    "what quantity": "quantity that the row is about",
     "found": "value of this run, or estimated value",
     "expected": "value in the manifest with its tolerance",
     "model": "model of the row: slosh explain 3D-NL explains its name",

@@ -16,17 +16,15 @@ from slosh_report.document import (
     Column,
     Document,
     Lines,
-    Mark,
     Paragraph,
-    Place,
     Section,
-    Text,
     explain,
     numbers,
     table,
 )
 from slosh_report.json_values import plain
 from slosh_report.page.units import DASH
+from slosh_report.texts import Mark, Place, Text
 
 
 class PredictedMotion(NamedTuple):

@@ -19,19 +19,10 @@ from slosh_model.tilt import attitude_of, with_tilt
 from slosh_plan import Prediction, Trajectory
 from slosh_plan.heights import highest, msh_of
 from slosh_plan.prediction import checked_horizon
-from slosh_report.document import (
-    Chart,
-    Document,
-    Figure,
-    Group,
-    Line,
-    Mark,
-    Paragraph,
-    Section,
-    explain,
-)
+from slosh_report.document import Chart, Document, Figure, Group, Line, Paragraph, Section, explain
 from slosh_report.page.series import envelope
 from slosh_report.page.svg import INK, LIMIT, SMALL
+from slosh_report.texts import Mark
 
 PANEL, PICTURE_HEIGHT = 3.6, 5.4
 """Width of a motion's panels and height of the picture [in]."""

@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from slosh_base.files import write_text
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.many_files import ItemOutcome
 from slosh_bringup.replay.task import Replayed, Task
-from slosh_report.index_page import MARK, IndexRow, render_index
 from slosh_report.run_report import RunVerdict
+from slosh_report.run_report.index import MARK, IndexRow, index_document
+from slosh_report.text import write_document
 
 INDEX = "index.html"
 _HEAD = 4096
@@ -39,8 +39,8 @@ def write_index(folder: Path, outcomes: Sequence[ItemOutcome[Task, Replayed]]) -
     Raises:
         OSError: it cannot be written; it bears the path.
     """
-    page = render_index("Replayed bags", [_row(each) for each in outcomes])
-    write_text(folder / INDEX, page)
+    rows = [_row(each) for each in outcomes]
+    write_document(folder / INDEX, index_document("Replayed bags", rows))
 
 
 def _is_index(page: Path) -> bool:

@@ -22,19 +22,16 @@ from slosh_report.document import (
     KeyFigures,
     Line,
     Lines,
-    Mark,
     Notice,
     Paragraph,
-    Place,
     Section,
-    Text,
     explain,
     numbers,
     table,
-    words,
 )
 from slosh_report.json_values import plain
 from slosh_report.page.svg import INK, LIMIT, LOW, LOW_NARROW, NARROW, NONLINEAR, SPAN, WIDE
+from slosh_report.texts import Mark, Place, Text, words
 
 SCHEMA = 1
 SQUARE = (4.6, 3.4)

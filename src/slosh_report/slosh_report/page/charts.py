@@ -11,7 +11,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from slosh_base.types import Array
-from slosh_report.document import Chart, Line, Size, words
+from slosh_report.document import Chart, Line, Size
 from slosh_report.page.series import extremes
 from slosh_report.page.svg import (
     DASHES,
@@ -26,6 +26,7 @@ from slosh_report.page.svg import (
     style,
     svg_text,
 )
+from slosh_report.texts import words
 
 KINDS: dict[str, tuple[str, float, Any]] = {
     "measured": (MEASURED, 2.0, "-"),

@@ -10,24 +10,10 @@ from functools import cache
 from jinja2 import Template
 from markupsafe import Markup
 
-from slosh_report.document import (
-    ROWS,
-    Bars,
-    Block,
-    Chart,
-    Column,
-    Document,
-    Figure,
-    Group,
-    Mark,
-    Number,
-    Size,
-    Table,
-    Text,
-    words,
-)
+from slosh_report.document import ROWS, Block, Chart, Column, Document, Figure, Group, Size, Table
 from slosh_report.page.charts import chart_svg, series_element, time_axis
 from slosh_report.page.template import breakable, make_environment, readable, script
+from slosh_report.texts import Bars, Mark, Number, Text, words
 
 VERDICTS = {"✓": "passed", "✗": "failed", "?": "open"}
 """Classes of a verdict by the sign that it begins with."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from slosh_base.types import Array
@@ -117,26 +116,6 @@ def _shorter(path: re.Match[str]) -> str:
     """Shortens an SVG path by rounding its numbers to hundredths of a point."""
     text = re.sub(r"(\.\d\d)\d+", r"\1", path.group())
     return re.sub(r"\s+", " ", text)
-
-
-def time_chart(
-    draw: Callable[[Any], None], ends: tuple[float, float], size: tuple[float, float], name: str
-) -> str:
-    """Draws a chart over time and returns it as SVG.
-
-    Args:
-        draw: draws into the axes, after their ends are set.
-        ends: of the time axis [s].
-        size: of the figure [in].
-        name: of the chart; see svg_text.
-    """
-    with style(name):
-        figure = canvas(size)
-        axes = figure.add_subplot()
-        axes.set_xlim(*ends)
-        draw(axes)
-        axes.set_xlabel("time [s]")
-        return svg_text(figure, name)
 
 
 def draw_line(
