@@ -23,9 +23,10 @@ import pandas as pd
 from fleet_motions import bags_of_motions
 from measuring import need, parsed, timed
 
-from slosh_fleet.motions.motions_page import render_fleet
+from slosh_fleet.motions.motions_page import fleet_document
 from slosh_fleet.motions.query import query
 from slosh_fleet.motions.store import FleetStore
+from slosh_report.page.html import html_page
 
 GOAL_SECONDS = 2.0
 """Longest time of the query and of the page [s]."""
@@ -73,10 +74,10 @@ def compare(store: FleetStore, turns: int) -> dict[str, Any]:
         raise RuntimeError("the query and pandas do not agree")
     ways: dict[str, Callable[[], object]] = {
         "query": lambda: query(store, SQL),
-        "page": lambda: render_fleet(store),
+        "page": lambda: html_page(fleet_document(store)),
         "pandas": lambda: by_pandas(Path(store.url)),
     }
-    render_fleet(store)  # loads what draws
+    html_page(fleet_document(store))  # loads what draws
     spent: dict[str, list[float]] = {name: [] for name in ways}
     for _ in range(turns):
         for name, way in ways.items():

@@ -13,16 +13,24 @@ from slosh_bringup.detect import table as detected
 from slosh_bringup.explain.effect import plain_equation
 from slosh_bringup.explain.terms import flags
 from slosh_bringup.live import run_result
+from slosh_bringup.predict import document as predicted
 from slosh_camera.measurement import Flag
-from slosh_discovery.discovery_report import text as discovered
-from slosh_discovery.identification_report import text as identified
+from slosh_discovery.discovery_report import document as discovered
+from slosh_discovery.discovery_report import motions as moved
+from slosh_discovery.discovery_report import text as told
+from slosh_discovery.force import document as forced
+from slosh_discovery.identification_report import document as identified
 from slosh_estimator.validity import EstimateFlag
-from slosh_fleet.validation import sections
+from slosh_fleet.motions import motions_page as fleet
+from slosh_fleet.validation import document as validated
 from slosh_model.effects.registry import EFFECTS
 from slosh_motion.tables.motion_table import ANGULAR_VELOCITY, ATTITUDE, MOTION
+from slosh_plan.plan_report import document as planned
 from slosh_plan.tables.path_table import PLACES
 from slosh_plan.validity import MotionFlag
 from slosh_report.page.units import UNITS
+from slosh_report.run_report import document as ran
+from slosh_report.run_report import index
 
 
 def explained(name, capsys):
@@ -91,36 +99,28 @@ def test_an_unknown_name_is_one_line_with_the_nearest(name, told, capsys):
     assert line == f"slosh explain: '{name}' is no effect, flag, column, model or unit; {told}"
 
 
-PAGES = (
-    ("slosh_report.page", "macros.html.j2"),
-    ("slosh_report.run_report", "report.html.j2"),
-    ("slosh_report.index_page", "index.html.j2"),
-    ("slosh_fleet.validation", "validation.html.j2"),
-    ("slosh_plan.plan_report", "plan.html.j2"),
-    ("slosh_discovery.discovery_report", "discovery.html.j2"),
-    ("slosh_discovery.identification_report", "identification.html.j2"),
-    ("slosh_bringup.predict", "predict.html.j2"),
-    ("slosh_fleet.motions", "motions.html.j2"),
-    ("slosh_bringup.watch.page", "index.html"),
-)
+DOCUMENTS = (
+    planned, predicted, discovered, moved, identified, forced, ran, index, validated, fleet,
+)  # fmt: skip
+HEADING = r'(?:Column|numbers|limited|_number|_text|KeyFigure|_column)\((?:\s|\d|,)*"([^"]+)"'
 
 
 def page_headings():
-    """Returns the table and figure headings of each page, except those filled in at run time."""
-    for package, name in PAGES:
-        text = resources.files(package).joinpath(name).read_text("utf-8")
-        found = re.findall(r"<(?:th(?! scope=.row)|dt)\b[^>]*>(.*?)</(?:th|dt)>", text)
-        plain = [re.sub(r"<[^>]+>|{{.*?}}", "", one).strip() for one in found if one]
-        yield from (one for one in plain if one and one not in ("bars", "parameter"))
+    """Returns the headings of the operator's page, except those filled in at run time."""
+    text = resources.files("slosh_bringup.watch.page").joinpath("index.html").read_text("utf-8")
+    found = re.findall(r"<(?:th|dt)\b[^>]*>(.*?)</(?:th|dt)>", text)
+    plain = [re.sub(r"<[^>]+>|{{.*?}}", "", one).strip() for one in found if one]
+    yield from (one for one in plain if one)
 
 
 def printed_heads():
-    """Returns the headings of the tables that commands print, read from their source code."""
-    yield from re.findall(r'Column\("([^"]+)"', inspect.getsource(sections))
-    for module in (discovered, identified, replay, run_result):
+    """Returns the headings of tables and figures of documents, read from their source code."""
+    for module in DOCUMENTS:
+        yield from re.findall(HEADING, inspect.getsource(module))
+    for module in (told, replay, run_result):
         source = inspect.getsource(module)
         tuples = re.findall(
-            r"(?:rows: list\[Row\] = \[|head = |aligned\(\[)\((.*?)\)\]?\n", source
+            r"(?:rows: list\[Row\] = \[|heads? = |aligned\(\[)\((.*?)\)\]?\n", source
         )
         yield from (one for found in tuples for one in re.findall(r'"(\w[^"]*)"', found))
         yield from re.findall(r"{'([^']+)':>\d+}", source)
@@ -128,7 +128,7 @@ def printed_heads():
 
 COLUMNS = sorted(
     {
-        *simulated.COLUMNS, *detected.COLUMNS, *predict.COLUMNS, *predict.HEADING, *replay.HEADS,
+        *simulated.COLUMNS, *detected.COLUMNS, *predict.COLUMNS, *replay.HEADS,
         *MOTION, *ATTITUDE, *ANGULAR_VELOCITY, *PLACES, "eta_045", "clock", *page_headings(),
         *printed_heads(), "MAE 3D-NL", "ε 2D-L", "highest measured", "limit events",
     }

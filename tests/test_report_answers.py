@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from slosh_bringup.cli.main import main
-from slosh_report.index_page import IndexRow, render_index
+from slosh_report.page.html import html_page
 from slosh_report.run_report import RunVerdict
+from slosh_report.run_report.index import IndexRow, index_document
 from slosh_testing.live_bag import LiveBag
 
 pytestmark = pytest.mark.long
@@ -80,7 +81,7 @@ def test_what_is_unknown_stands_last_and_a_hostile_name_is_text(browser, tmp_pat
         IndexRow(hostile, None, reason="is no bag"),
         IndexRow("bad", RunVerdict.FAILED, "3D-NL", 2e-4, -0.02, 0.01, 9, reason="MAE too large"),
     ]
-    (tmp_path / "index.html").write_text(render_index("bags", rows))
+    (tmp_path / "index.html").write_text(html_page(index_document("bags", rows)))
     page = opened(browser, tmp_path / "index.html")
     names = "[...document.querySelectorAll('tbody th')].map((cell) => cell.textContent)"
     for _ in range(2):

@@ -3,7 +3,7 @@
 from package_setup import install
 
 install(
-    ["jinja2", "matplotlib", "numpy>=1.26"],
+    ["matplotlib", "numpy>=1.26"],
     extras={
         "fleet": ["duckdb>=1.2", "fsspec", "pyarrow"],
         "pdf": ["fpdf2>=2.8"],

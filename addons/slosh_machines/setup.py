@@ -2,4 +2,4 @@
 
 from package_setup import install
 
-install(["jinja2", "numpy>=1.26", "scipy"], add_on="machines = slosh_machines.addon:ADDON")
+install(["numpy>=1.26", "scipy"], add_on="machines = slosh_machines.addon:ADDON")

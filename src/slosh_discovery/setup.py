@@ -2,4 +2,4 @@
 
 from package_setup import install
 
-install(["jinja2", "matplotlib", "numba", "numpy>=1.26", "scipy"], extras={"tables": ["pandas"]})
+install(["matplotlib", "numba", "numpy>=1.26", "scipy"], extras={"tables": ["pandas"]})

@@ -21,7 +21,7 @@ from result_tables import fill
 from slosh_discovery.discover.input_series import motion_span
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data import read_motions
-from slosh_discovery.identification_report.text import shown_value
+from slosh_discovery.discovery_report.words import shown_value
 from slosh_discovery.identify import Identification, identify
 from slosh_discovery.identify.result import FoundParameter
 from slosh_discovery.identify.trials import make_trials

@@ -50,10 +50,10 @@ def run(arguments: argparse.Namespace) -> int:
     store = FleetStore(arguments.store)
     check_ending(arguments.page, "a page", PAGE)
     if arguments.page is not None:
-        from slosh_base.files import write_text
-        from slosh_fleet.motions.motions_page import render_fleet
+        from slosh_fleet.motions.motions_page import fleet_document
+        from slosh_report.text import write_document
 
-        write_text(arguments.page, render_fleet(store))
+        write_document(arguments.page, fleet_document(store))
     if arguments.sql is not None:
         _print(*query(store, arguments.sql), as_json=arguments.json)
     for line in store.warnings:

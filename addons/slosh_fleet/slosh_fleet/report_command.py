@@ -148,27 +148,18 @@ def _write(arguments: argparse.Namespace) -> int:
 
 
 def _tell(found: Assembled) -> None:
-    from slosh_fleet.validation.sections import criteria_table
-    from slosh_report.blocks import cell_text
-    from slosh_report.text_table import aligned
+    from slosh_fleet.validation.document import criteria_table
+    from slosh_report.text import blocks_text
 
-    table = criteria_table(found.report)
-    rows = [
-        tuple(column.head for column in table.columns),
-        *(tuple(map(cell_text, row)) for row in table.rows),
-    ]
-    print("\n".join(aligned(rows, "<<>>><<")))
+    print(blocks_text((criteria_table(found.report),)))
     print(f"verdict: {found.report.verdict}")
 
 
 def _file(output: Path, found: Assembled) -> bytes:
-    if output.suffix.lower() in PDF:
-        from slosh_fleet.validation.pdf import validation_pdf
+    from slosh_fleet.validation.document import validation_page, validation_pdf
 
-        return validation_pdf(found.report, found.runs)
-    from slosh_fleet.validation.page import validation_page
-
-    return validation_page(found.report, found.runs)
+    write = validation_pdf if output.suffix.lower() in PDF else validation_page
+    return write(found.report, found.runs)
 
 
 def _check_outputs(outputs: list[Path], arguments: argparse.Namespace) -> None:
@@ -183,7 +174,7 @@ def _check_outputs(outputs: list[Path], arguments: argparse.Namespace) -> None:
         if not output.absolute().parent.is_dir():
             raise SloshBringupError(f"there is no folder {output.parent}; make it first")
         if output.suffix.lower() in PDF:
-            from slosh_fleet.validation.pdf import check_library
+            from slosh_report.pdf import check_library
 
             check_library()
     for bag in arguments.bags:

@@ -21,10 +21,9 @@ from slosh_bag.recover import NotedDefinitions
 from slosh_fleet.validation.assemble import Order, assemble, repeatability
 from slosh_fleet.validation.content import Peak, Verdict
 from slosh_fleet.validation.criteria import Acceptance, judge
+from slosh_fleet.validation.document import HEIGHT, validation_page
 from slosh_fleet.validation.files import check_files
-from slosh_fleet.validation.page import validation_page
 from slosh_fleet.validation.seal import check_seal, content_of
-from slosh_fleet.validation.sections import HEIGHT
 from slosh_msgs.msg import NodeSettings
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.replay import replay_bag

@@ -18,12 +18,14 @@ from slosh_bringup.cli.quantities import FRACTION, HEIGHT
 from slosh_bringup.cli.rim_option import add_rim_distance
 from slosh_bringup.errors import SloshBringupError
 from slosh_machines.design import Stroke
+from slosh_machines.map_page import map_document
 from slosh_machines.motion_map import MOST, MotionMap, motion_map
 from slosh_machines.structured_text import structured_text, table_text
 from slosh_model.model_text import read_model
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.limits import HeightLimits
 from slosh_plan.planning.limits import ACCELERATION, JERK, RESIDUAL, PlanLimits
+from slosh_report.text import write_document
 
 TABLE, BLOCK, PAGE = "map.csv", "stroke.st", "report.html"
 EXIT_ENDS = 1
@@ -134,12 +136,9 @@ def run(arguments: argparse.Namespace) -> int:
                 found = motion_map(
                     model, stroke, arguments.speeds, limits, lambda share: progress("", share)
                 )
-            # It loads matplotlib, which is slow.
-            from slosh_machines.map_page import render_map
-
             write_text(folder / TABLE, table_text(found))
             write_text(folder / BLOCK, structured_text(found))
-            write_text(folder / PAGE, render_map(model, found, str(arguments.model)))
+            write_document(folder / PAGE, map_document(model, found, str(arguments.model)))
     except SloshPlanError as error:
         print(plain_line(f"slosh motion-map: {error}"), file=sys.stderr)
         return EXIT_ENDS

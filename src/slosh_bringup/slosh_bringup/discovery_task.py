@@ -30,6 +30,7 @@ from slosh_discovery.discovery_report.words import verdict_sentence
 from slosh_motion.checks.table_checks import InputDoubt
 from slosh_motion.tables.motion_table import SUFFIXES, is_motion_table
 from slosh_replay.recorded_run import RecordedRun
+from slosh_report.document import Document
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +65,8 @@ class Discovered:
 def examine(
     request: DiscoveryRequest, folder: Path, tell: Tell, progress: Progress | None,
     threads: int | None,
-) -> tuple[DiscoveryReport, str]:  # fmt: skip
-    """Runs a discovery and writes its files; returns the report and the JSON document.
+) -> tuple[DiscoveryReport, Document]:  # fmt: skip
+    """Runs a discovery and writes its files; returns the report and its document.
 
     Args:
         request: what is asked.
@@ -74,11 +75,16 @@ def examine(
         progress: is told what is done and the share of it.
         threads: fits at a time; None: one per core.
     """
-    prepared = prepare(request, tell)
+    notes: list[str] = []
+    try:
+        prepared = prepare(request, notes.append)
+    finally:
+        for note in notes:
+            tell(note)
     finding = discover(
         prepared.fit, prepared.base, prepared.holdout, progress=progress, threads=threads
     )
-    report = make_report(request, prepared, finding, _pictures)
+    report = make_report(request, prepared, notes, finding, _pictures)
     return report, write_results(folder, report)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from slosh_bringup.cli.main import main
 from slosh_discovery.discovering import read_all
-from slosh_discovery.force.text import force_json
+from slosh_discovery.force.document import force_data
 from slosh_discovery.force.workflow import identify_force
 from slosh_estimator.sensed.force_surface import ForceSurface, Motion
 from slosh_estimator.sensed.payload import parse_payload
@@ -16,6 +16,7 @@ from slosh_estimator.sensed.surface import wave_fields
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.shapes.cylinder import Cylinder
+from slosh_report.text import json_text
 from slosh_testing.cell_bag import CellBag
 from slosh_testing.force_sensor import SimulatedSensor
 
@@ -36,7 +37,9 @@ def write_bags(folder, strokes, rest):
             seed=number,
         )  # fmt: skip
         record, bag = sensor.record(), CellBag()
-        payload = payload or parse_payload(force_json(identify_force(record, CUP)), "payload")
+        payload = payload or parse_payload(
+            json_text(force_data(identify_force(record, CUP))), "payload"
+        )
         surface, waves = ForceSurface(CUP, payload), []
         motion = (record.inputs.t.tolist(), record.inputs.acceleration.tolist())
         for t, (ax, ay, az) in zip(*motion, strict=True):

@@ -10,11 +10,12 @@ import pytest
 
 from slosh_bringup.cli.main import main
 from slosh_discovery.discover_data.force_reading import _moving_joints, _renamed
+from slosh_discovery.force.document import force_document
 from slosh_discovery.force.workflow import identify_force
-from slosh_discovery.force_report.page import render_force
 from slosh_model.model import Model
 from slosh_model.model_text import format_model, read_model
 from slosh_model.shapes.cylinder import Cylinder
+from slosh_report.page.html import html_page
 from slosh_testing.cell_bag import CellBag
 from slosh_testing.commands import complaint, printed
 from slosh_testing.force_sensor import SimulatedSensor
@@ -81,7 +82,7 @@ def test_of_a_table_and_writes_the_model(capsys, tmp_path, record, model):
 
 def test_a_name_on_the_page_is_text(record):
     found = identify_force(replace(record, name="<script>alert(1)</script>"), CUP)
-    assert "<script" not in render_force(found, CUP, CUP)
+    assert "<script" not in html_page(force_document(found, CUP, CUP))
 
 
 def write_bag(folder, record, more=()):

@@ -21,12 +21,7 @@ from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data import read_motions
 from slosh_discovery.discover_data.reading import day_motions, files_at
 from slosh_discovery.discover_frames import Pictures, worst_frames
-from slosh_discovery.discovery_report import (
-    Command,
-    DiscoveryReport,
-    discovery_json,
-    render_discovery,
-)
+from slosh_discovery.discovery_report import Command, DiscoveryReport, discovery_document
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.model import Model
 from slosh_model.model_text import format_model, read_model
@@ -37,6 +32,8 @@ from slosh_motion.recorded import settings
 from slosh_motion.recorded.sources import CellTopics
 from slosh_motion.tables.columns import FOUND_OUT, TableOptions
 from slosh_motion.tables.motion_table import MotionTable, is_motion_table, write_motion_table
+from slosh_report.document import Document
+from slosh_report.text import write_document
 
 MODEL, DOCUMENT, PAGE = "model.yaml", "discovery.json", "report.html"
 GROUP_MODEL = "model_{}.yaml"
@@ -84,13 +81,11 @@ class PreparedDiscovery:
     Attributes:
         base: the model that came in.
         fit, holdout: the motions.
-        notes: how the data were read and parted, a sentence each.
     """
 
     base: Model
     fit: Motions
     holdout: Motions
-    notes: tuple[str, ...]
 
 
 MANY, MOST = 100_000, 500_000
@@ -124,41 +119,40 @@ def prepare(request: DiscoveryRequest, tell: Tell) -> PreparedDiscovery:
             file is not usable.
     """
     base = recorded_model(request.data[0]) if request.model is None else read_model(request.model)
-    notes: list[str] = []
-
-    def note(line: str) -> None:
-        notes.append(line)
-        tell(line)
-
     fit, holdout = (
         read_all(
-            paths, base, note, from_bag=from_bag, groups=request.groups, tables=request.tables
+            paths, base, tell, from_bag=from_bag, groups=request.groups, tables=request.tables
         )
         for paths, from_bag in ((request.data, request.from_bag), (request.holdout, False))
     )
-    tell_ignored_tilt(base, (*fit, *holdout), note)
+    tell_ignored_tilt(base, (*fit, *holdout), tell)
     if request.most is not None and len(fit) > request.most:
-        note(f"the first {request.most} of {len(fit)} motions are used")
+        tell(f"the first {request.most} of {len(fit)} motions are used")
         fit = fit[: request.most]
     check_apart(fit, holdout)
-    check_size((*fit, *holdout), note)
+    check_size((*fit, *holdout), tell)
     if not holdout and len(fit) >= HELD_OUT:
         fit, holdout = part(fit)
         whose = " of each group" if request.groups else ""
-        note(f"every third motion{whose} is held out: {len(holdout)} of {len(fit) + len(holdout)}")
+        tell(f"every third motion{whose} is held out: {len(holdout)} of {len(fit) + len(holdout)}")
     elif not holdout:
-        note("no motion is held out: the gap is shown on the motions of the fit")
-    return PreparedDiscovery(base, *unique_names(fit, holdout), tuple(notes))
+        tell("no motion is held out: the gap is shown on the motions of the fit")
+    return PreparedDiscovery(base, *unique_names(fit, holdout))
 
 
 def make_report(
-    request: DiscoveryRequest, prepared: PreparedDiscovery, finding: Finding, pictures: Pictures
+    request: DiscoveryRequest,
+    prepared: PreparedDiscovery,
+    notes: Sequence[str],
+    finding: Finding,
+    pictures: Pictures,
 ) -> DiscoveryReport:
     """Creates the content of a discovery's result page and terminal text.
 
     Args:
         request: what was asked.
         prepared: what the discovery started from.
+        notes: what was told of the data while they were read.
         finding: what it found.
         pictures: gives a bag's camera images.
     """
@@ -168,7 +162,7 @@ def make_report(
         finding,
         subtitle=f"{source} ({finding.base.name}) against {count} measured "
         f"motion{'s' if count != 1 else ''}, {held} held out",
-        notes=prepared.notes,
+        notes=tuple(notes),
         commands=next_commands(request, finding),
         separating_files=tuple(
             SEPARATING.format(number) for number in range(1, len(finding.separating) + 1)
@@ -177,21 +171,20 @@ def make_report(
     )
 
 
-def write_results(folder: Path, report: DiscoveryReport) -> str:
-    """Writes all result files of a discovery; returns the content of `discovery.json`.
+def write_results(folder: Path, report: DiscoveryReport) -> Document:
+    """Writes all result files of a discovery; returns its document.
 
     Raises:
         OSError: a file cannot be written.
     """
-    text = discovery_json(report)
+    document = discovery_document(report)
     write_text(folder / MODEL, format_model(report.finding.model))
     for name, model in report.finding.group_models.items():
         write_text(folder / GROUP_MODEL.format(name), format_model(model))
-    write_text(folder / PAGE, render_discovery(report))
     for name, motion in zip(report.separating_files, report.finding.separating, strict=True):
         write_motion_table(folder / name, _table(motion))
-    write_text(folder / DOCUMENT, text)
-    return text
+    write_document(folder / PAGE, document, folder / DOCUMENT)
+    return document
 
 
 def check_paths(data: Sequence[Path], holdout: Sequence[Path], output: Path) -> None:

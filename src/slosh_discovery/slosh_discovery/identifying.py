@@ -23,8 +23,7 @@ from slosh_discovery.errors import SloshDiscoveryError
 from slosh_discovery.identification_report import (
     Beside,
     IdentificationReport,
-    identification_json,
-    render_identification,
+    identification_document,
 )
 from slosh_discovery.identify.parameters import DEFAULT, free_parameters
 from slosh_discovery.identify.result import Identification, Strategy
@@ -33,6 +32,8 @@ from slosh_model.model_text import format_model, read_model
 from slosh_model.parameters import DAMPING, FREQUENCY
 from slosh_motion.tables.columns import FOUND_OUT, TableOptions
 from slosh_motion.tables.motion_table import MotionTable, write_motion_table
+from slosh_report.document import Document
+from slosh_report.text import write_document
 
 MODEL, DOCUMENT, PAGE = "model.yaml", "identification.json", "report.html"
 POINT_MODEL, HELP = "model_{}.yaml", "helps_{}.csv"
@@ -79,14 +80,12 @@ class PreparedIdentification:
         base: the model that came in.
         fit, holdout: the motions.
         beside: earlier identifications.
-        notes: how the data were read, a sentence each.
     """
 
     base: Model
     fit: Motions
     holdout: Motions
     beside: tuple[Beside, ...]
-    notes: tuple[str, ...]
 
 
 def prepare(request: IdentificationRequest, tell: Tell) -> PreparedIdentification:
@@ -102,18 +101,12 @@ def prepare(request: IdentificationRequest, tell: Tell) -> PreparedIdentificatio
     """
     base = recorded_model(request.data[0]) if request.model is None else read_model(request.model)
     free_parameters(base, request.names)  # before the data are read, which takes longer
-    notes: list[str] = []
-
-    def note(line: str) -> None:
-        notes.append(line)
-        tell(line)
-
-    fit = read_all(request.data, base, note, from_bag=False, tables=request.tables)
-    holdout = read_all(request.holdout, base, note, from_bag=False, tables=request.tables)
-    tell_ignored_tilt(base, (*fit, *holdout), note)
+    fit = read_all(request.data, base, tell, from_bag=False, tables=request.tables)
+    holdout = read_all(request.holdout, base, tell, from_bag=False, tables=request.tables)
+    tell_ignored_tilt(base, (*fit, *holdout), tell)
     check_apart(fit, holdout)
     beside = tuple(read_beside(path) for path in request.beside)
-    return PreparedIdentification(base, *unique_names(fit, holdout), beside, tuple(notes))
+    return PreparedIdentification(base, *unique_names(fit, holdout), beside)
 
 
 def read_beside(folder: Path) -> Beside:
@@ -142,16 +135,26 @@ def read_beside(folder: Path) -> Beside:
 
 
 def make_report(
-    request: IdentificationRequest, prepared: PreparedIdentification, found: Identification
+    request: IdentificationRequest,
+    prepared: PreparedIdentification,
+    notes: Sequence[str],
+    found: Identification,
 ) -> IdentificationReport:
-    """Creates the content of an identification's result page and terminal text."""
+    """Creates the result of an identification for its reader.
+
+    Args:
+        request: what was asked.
+        prepared: what the identification started from.
+        notes: what was told of the data while they were read.
+        found: what it found.
+    """
     count, held = len(prepared.fit), len(prepared.holdout)
     source = "the recorded model" if request.model is None else str(request.model)
     return IdentificationReport(
         found,
         subtitle=f"{source} ({prepared.base.name}) and {count} measured "
         f"motion{'s' if count != 1 else ''}" + (f", {held} held out" if held else ""),
-        notes=prepared.notes,
+        notes=tuple(notes),
         beside=prepared.beside,
         model_files=point_files([one.label for one in found.single]),
         help_files=tuple(
@@ -171,13 +174,13 @@ def point_files(labels: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-def write_results(folder: Path, report: IdentificationReport) -> str:
-    """Writes all result files of an identification; returns the content of `identification.json`.
+def write_results(folder: Path, report: IdentificationReport) -> Document:
+    """Writes all result files of an identification; returns its document.
 
     Raises:
         OSError: a file cannot be written.
     """
-    found, text = report.found, identification_json(report)
+    found, document = report.found, identification_document(report)
     write_text(folder / MODEL, format_model(found.overall.model))
     for name, one in zip(report.model_files, found.single, strict=True):
         write_text(folder / name, format_model(one.model))
@@ -189,6 +192,5 @@ def write_results(folder: Path, report: IdentificationReport) -> str:
                 inputs.t, inputs.acceleration, inputs.attitude, inputs.angular_velocity
             )
             write_motion_table(folder / tables[held.name], table)
-    write_text(folder / PAGE, render_identification(report))
-    write_text(folder / DOCUMENT, text)
-    return text
+    write_document(folder / PAGE, document, folder / DOCUMENT)
+    return document

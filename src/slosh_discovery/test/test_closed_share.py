@@ -14,13 +14,12 @@ from slosh_discovery.discover.gap import closed_share, is_worse, total_gap
 from slosh_discovery.discover.search import Leftover
 from slosh_discovery.discover.tuning import TUNING
 from slosh_discovery.discover.verdict import trust_in
-from slosh_discovery.discovery_report import (
-    discovery_json,
-    discovery_text,
-    render_discovery,
-)
 from slosh_report.page.units import shown
-from slosh_testing.example_finding import example_finding, example_report
+from slosh_testing.example_finding import (
+    example_finding,
+    example_report,
+    forms_of,
+)
 
 NAN = float("nan")
 HEIGHTS = st.floats(0.0, 1.0)
@@ -85,8 +84,8 @@ def test_text_page_and_json_tell_one_share(held):
         finding = replace(finding, motions=motions)
     finding = found(finding)
     report = replace(example_report(), finding=finding)
-    gap = json.loads(discovery_json(report))["gap"]
-    text, page = discovery_text(report), render_discovery(report)
+    document, text, page = forms_of(report)
+    gap = json.loads(document)["gap"]
 
     assert gap["closed"] == gap["holdout_closed" if held else "fit_closed"] == finding.gap.closed
     assert percents(text, "fit") == shown(gap["fit_closed"], "% of")

@@ -11,14 +11,14 @@ from slosh_discovery.discover.campaigns import Normal, grouping
 from slosh_discovery.discover.finding import Role
 from slosh_discovery.discovery_report import (
     DiscoveryReport,
-    discovery_text,
-    render_discovery,
+    discovery_document,
 )
-from slosh_discovery.discovery_report.data import discovery_document
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model
+from slosh_report.page.html import html_page
+from slosh_report.text import document_text
 
 REMEMBERED, CORRELATION = 3e-4, 0.9
 """What a camera's noise has in common from image to image [m]."""
@@ -88,9 +88,8 @@ def test_the_lean_of_each_campaign_is_named_with_its_own_values(finding):
 @pytest.mark.long
 def test_text_page_and_document_tell_the_values_of_each_campaign(finding):
     report = DiscoveryReport(finding)
-    document, text, page = (
-        make(report) for make in (discovery_document, discovery_text, render_discovery)
-    )
+    document = discovery_document(report)
+    text, page, document = document_text(document), html_page(document), document.data
     (lean,) = (one for one in document["effects"] if one["name"] == "sensor_tilt")
     assert set(lean["units"]) == {"e_x", "e_y"}
     for group in LEANS:

@@ -15,9 +15,6 @@ from slosh_discovery.discover.finding import (
 from slosh_discovery.discovery_report import (
     Command,
     DiscoveryReport,
-    discovery_json,
-    discovery_text,
-    render_discovery,
 )
 from slosh_discovery.discovery_report.words import (
     headline,
@@ -25,14 +22,20 @@ from slosh_discovery.discovery_report.words import (
     shown_parameter,
     verdict_sentence,
 )
-from slosh_testing.example_finding import BASE, NOISE, example_finding, example_report
+from slosh_testing.example_finding import (
+    BASE,
+    NOISE,
+    example_finding,
+    example_report,
+    forms_of,
+)
 
 NAN = float("nan")
 
 
 def document_of(verdict=Verdict.NAMED):
     """Returns the parsed JSON document of an example report."""
-    return json.loads(discovery_json(example_report(verdict)), parse_constant=pytest.fail)
+    return json.loads(forms_of(example_report(verdict))[0], parse_constant=pytest.fail)
 
 
 def with_finding(**changes):
@@ -73,7 +76,7 @@ def test_the_document_has_the_promised_keys():
 def test_every_verdict_is_strict_json_and_the_same_each_time(verdict):
     document = document_of(verdict)
     assert document["verdict"] == verdict.value
-    assert discovery_json(example_report(verdict)) == discovery_json(example_report(verdict))
+    assert forms_of(example_report(verdict))[0] == forms_of(example_report(verdict))[0]
     assert (document["proposal"] is not None) == (verdict is Verdict.UNEXPLAINED)
     assert bool(document["separating"]) == (verdict is Verdict.AMBIGUOUS)
 
@@ -88,7 +91,7 @@ def test_what_is_not_known_is_null():
             Verdict.NONE, BASE, BASE, (), NAN, HeightGap(NAN, NAN, NAN, NAN, NAN, NAN, NAN), ()
         )
     )
-    assert json.loads(discovery_json(bare))["confidence"] is None
+    assert json.loads(forms_of(bare)[0])["confidence"] is None
 
 
 @pytest.mark.parametrize(
@@ -116,11 +119,11 @@ def test_the_text_begins_with_the_verdict():
         "vertical_acceleration comes nearest.",
     }
     for verdict, sentence in sentences.items():
-        assert discovery_text(example_report(verdict)).splitlines()[0] == sentence
+        assert forms_of(example_report(verdict))[1].splitlines()[0] == sentence
 
 
 def test_the_text_tells_effects_gap_worst_and_what_to_type():
-    lines = discovery_text(example_report()).splitlines()
+    lines = forms_of(example_report())[1].splitlines()
     assert "fill_level             delta = −3.123 ± 0.046 mm  confidence 0.96" in lines
     assert "held out  2.01 mm  0.32 mm   100 %" in lines
     assert any(
@@ -132,7 +135,7 @@ def test_the_text_tells_effects_gap_worst_and_what_to_type():
 
 
 def test_an_ambiguous_finding_names_the_motion_that_separates():
-    text = discovery_text(example_report(Verdict.AMBIGUOUS))
+    text = forms_of(example_report(Verdict.AMBIGUOUS))[1]
     assert (
         "separating_1.csv distinguishes fill_level + vertical_acceleration from height_scale"
         in text
@@ -178,12 +181,13 @@ def test_a_finding_with_nothing_in_it_still_has_a_page_and_a_text():
     gap = HeightGap(NAN, NAN, NAN, NAN, NAN, NAN, NAN)
     for verdict in Verdict:
         report = DiscoveryReport(Finding(verdict, BASE, BASE, (), NAN, gap, ()))
-        assert "<h1>" in render_discovery(report)
-        assert "nan" not in discovery_text(report)
+        _, text, page = forms_of(report)
+        assert "<h1>" in page
+        assert "nan" not in text
 
 
 def test_commands_are_on_the_page_as_they_are_typed():
     command = Command("run <it>", "slosh replay 'a b' --model \"x\"")
-    page = render_discovery(replace(with_finding(motions=()), commands=(command,)))
+    page = forms_of(replace(with_finding(motions=()), commands=(command,)))[2]
     assert "run &lt;it&gt;" in page
     assert "slosh replay &#39;a b&#39; --model &#34;x&#34;" in page

@@ -11,11 +11,9 @@ from slosh_discovery.discover.finding import Verdict
 from slosh_discovery.discovery_report import (
     Command,
     DiscoveryReport,
-    discovery_json,
-    render_discovery,
 )
 from slosh_report.page.frame import Frame
-from slosh_testing.example_finding import example_finding, example_report
+from slosh_testing.example_finding import example_finding, example_report, forms_of
 from slosh_testing.reports import A4, LOOK, EveryPage, check_numbers, evil, grey_png, on_paper
 
 pytestmark = pytest.mark.long
@@ -30,7 +28,7 @@ return {...(() => { %s })(),
     e.className, e.getBoundingClientRect().width / e.parentElement.getBoundingClientRect().width]),
   fresh: all("ins").map((e) => e.textContent),
   won: all("tr.won th").map((e) => e.textContent),
-  typed: all(".commands pre").map((e) => e.textContent),
+  typed: all("#next ~ pre").map((e) => e.textContent),
 };
 """
 SCRIPT = "const all = (selector) => [...document.querySelectorAll(selector)];" + ALSO % LOOK
@@ -74,7 +72,7 @@ def reports():
 
 @pytest.fixture(scope="module")
 def pages(reports):
-    return {name: render_discovery(report) for name, report in reports.items()}
+    return {name: forms_of(report)[2] for name, report in reports.items()}
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +84,7 @@ def seen(headless, pages):
         "phone": View(pages["ambiguous"], width=390),
         "small phone": View(pages["named"], width=320),
         "paper": View(on_paper(pages["ambiguous"]), width=A4, dark=True),
-        "hostile": View(render_discovery(hostile_report()), width=390),
+        "hostile": View(forms_of(hostile_report())[2], width=390),
     }
     look = headless.look(list(views.values()), SCRIPT)
     found = dict(zip(views, look.values, strict=True))
@@ -132,7 +130,7 @@ def test_what_is_folded_is_open_on_paper(seen):
 
 @pytest.mark.parametrize("verdict", [verdict.value for verdict in Verdict])
 def test_every_number_is_that_of_the_document(seen, reports, verdict):
-    document = json.loads(discovery_json(reports[verdict]))
+    document = json.loads(forms_of(reports[verdict])[0])
     assert len(seen[verdict]["numbers"]) > 50
     check_numbers(seen[verdict], document)
     assert set(seen[verdict]["bare"]) <= {"–"}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slosh_discovery.identification_report import page
+from slosh_discovery.identification_report import charts
 from slosh_model import Model
 from slosh_model.parameters import DAMPING, FREQUENCY
 from slosh_model.shapes import Flask, Frustum
@@ -20,7 +20,7 @@ NARROW = Flask(
 @pytest.mark.long
 @pytest.mark.parametrize("container", [CUP, NARROW], ids=["cup", "flask"])
 def test_few_computed_sizes_give_the_whole_curve(container: RoundCup) -> None:
-    sizes, values = page._curve(Model(container), FREQUENCY, [container.size])
+    sizes, values = charts.curve(Model(container), FREQUENCY, [container.size])
     assert len(sizes) > 20
     for k in (3, len(sizes) // 2, len(sizes) - 2):
         exact = container.widened(float(sizes[k] / container.size)).natural_frequency(1)
@@ -37,6 +37,6 @@ def test_the_modes_are_computed_at_few_sizes(monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr(Frustum, "solved", counted)
     for quantity in (FREQUENCY, DAMPING):
-        _, values = page._curve(Model(CUP), quantity, [CUP.size])
+        _, values = charts.curve(Model(CUP), quantity, [CUP.size])
         assert np.isfinite(values).all()
-    assert len(asked) <= page.SOLVED + 1
+    assert len(asked) <= charts.SOLVED + 1

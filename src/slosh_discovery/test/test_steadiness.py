@@ -10,13 +10,11 @@ from example_motions import BASE, DURATION, inputs_of, measured
 from slosh_discovery.discover import Verdict, discover
 from slosh_discovery.discovery_report import (
     DiscoveryReport,
-    discovery_json,
-    discovery_text,
-    render_discovery,
 )
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_discovery.identify import identify
 from slosh_model import Inputs
+from slosh_testing.example_finding import forms_of
 
 
 def warming(truth, factors):
@@ -82,9 +80,9 @@ def in_millimetres(truth):
 
 def check_report(finding):
     report = DiscoveryReport(finding)
-    document = json.loads(discovery_json(report))
-    assert "strong" in render_discovery(report)
-    return document, discovery_text(report)
+    document, text, page = forms_of(report)
+    assert "strong" in page
+    return json.loads(document), text
 
 
 @pytest.mark.long

@@ -78,3 +78,10 @@ class HeightLimits:
     def given(self) -> bool:
         """Whether a limit of the liquid's height, or a distance to the rim, is set."""
         return min(self.height, self.residual) < math.inf or self.rim_distance > 0.0
+
+
+def rim_words(distance: float) -> str:
+    """Describes how far below or above the rim the liquid reaches; empty if that is unknown."""
+    if math.isnan(distance):
+        return ""
+    return f", {1e3 * abs(distance):.1f} mm {'below' if distance >= 0.0 else 'above'} the rim"

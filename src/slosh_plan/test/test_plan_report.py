@@ -8,27 +8,39 @@ from headless_browser import View
 
 from slosh_model import Cylinder, Inputs, Model, simulate
 from slosh_model.covariance import Covariance
-from slosh_plan.plan_report.data import plan_document, plan_json
-from slosh_plan.plan_report.making import height_band, make_report, proposed_motion
-from slosh_plan.plan_report.page import drawn, render_plan
+from slosh_plan.plan_report.comparison import PROPOSAL, height_band, make_report, proposed_motion
+from slosh_plan.plan_report.document import drawn, plan_document
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import plan
+from slosh_plan.planning.tolerance import Tolerance
 from slosh_plan.planning.waypoints import Waypoints
+from slosh_report.page.html import html_page
+from slosh_report.text import json_text
 from slosh_testing.reports import LOOK, at
 
 CUP = replace(Model(Cylinder(0.05, 0.07)).spatial().nonlinear(), natural_frequency=19.0)
 UNSURE = replace(CUP, covariance=Covariance(("natural_frequency",), ((0.01,),)))
 LIMITS = PlanLimits(0.015, 0.002, 9.5, 74.0)
 POINTS = np.array([[0.0, 0.0, 0.0], [0.1, 0.02, 0.02], [0.2, 0.06, 0.03], [0.3, 0.06, 0.0]])
+BORNE = Tolerance(0.005, 0.0152, 0.00213)
 EVIL = '</style><script>window.hacked=1</script><img src=x onerror="hacked=1"> \x00' + "W" * 300
+
+
+def render_plan(report):
+    return html_page(plan_document(report))
+
+
+def proposal_of(report):
+    """Returns the motion in the waypoints' own times; None if there is none."""
+    return next((one for one in report.motions if one.title == PROPOSAL), None)
 
 
 def report_of(model=UNSURE, times=(0.0, 0.2, 0.4, 0.6), points=POINTS, limits=LIMITS):
     """Returns a report on the fastest known time law."""
     waypoints = Waypoints(np.array(times), points, None)
     answer = plan(model, path_through(points), limits, time_limit=0.0)
-    return make_report(model, answer, waypoints, "path.csv with model.yaml")
+    return make_report(model, answer, waypoints, BORNE, "path.csv with model.yaml")
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +49,7 @@ def report():
 
 
 def test_the_proposal_is_the_motion_through_the_waypoints_in_their_times(report):
-    motion = report.proposal.found.motion
+    motion = proposal_of(report).found.motion
     assert motion.duration == pytest.approx(0.6)
     for t, point in zip((0.0, 0.2, 0.4, 0.6), POINTS, strict=True):
         assert motion.position[round(1000 * t)] == pytest.approx(point, abs=1e-9)
@@ -50,7 +62,8 @@ def test_the_proposal_is_the_motion_through_the_waypoints_in_their_times(report)
 
 
 def test_what_exceeds_a_limit_is_told(report):
-    before, after = plan_document(report)["motions"][0], plan_document(report)["motions"][-1]
+    motions = plan_document(report).data["motions"]
+    before, after = motions[0], motions[-1]
     assert before["title"] == "the waypoints’ own times"
     assert {"height", "residual"} <= set(before["exceeds"])
     assert after["exceeds"] == []
@@ -59,28 +72,30 @@ def test_what_exceeds_a_limit_is_told(report):
 
 def test_waypoints_whose_times_tell_no_motion_are_noted():
     report = report_of(times=(0.0, 1e-4, 2e-4, 3e-4))
-    assert report.proposal is None
-    assert any("The waypoints’ own times are not shown" in note for note in report.notes)
+    assert proposal_of(report) is None
+    assert any("The waypoints’ own times are not shown" in note for note in report.remarks)
     assert "The waypoints’ own times are not shown" in render_plan(report)
 
 
 def test_a_line_between_two_points_has_no_own_motion_to_be_noted():
     report = report_of(times=(0.0, 1.0), points=POINTS[[0, 3]])
-    assert report.proposal is None
-    assert not any("own times" in note for note in report.notes)
+    assert proposal_of(report) is None
+    assert not any("own times" in note for note in report.remarks)
 
 
 def test_remarks_on_the_motion_are_on_the_page(report):
     waypoints = Waypoints(np.array([0.0, 0.2, 0.4, 0.6]), POINTS, None)
-    page = render_plan(make_report(UNSURE, report.plan, waypoints, remarks=["planarity lost"]))
+    page = render_plan(
+        make_report(UNSURE, report.plan, waypoints, BORNE, remarks=["planarity lost"])
+    )
     assert "Remarks: planarity lost." in page
 
 
 @pytest.mark.long
 def test_a_slow_proposal_stands_in_the_table_but_does_not_squeeze_the_charts():
     report = report_of(times=(0.0, 10.0, 20.0, 30.0))
-    assert report.proposal in report.motions
-    assert report.proposal not in drawn(report)
+    assert proposal_of(report) in report.motions
+    assert proposal_of(report) not in drawn(report)
     assert "too long to be drawn" in render_plan(report)
 
 
@@ -106,13 +121,21 @@ def test_an_interval_above_a_limit_is_a_warning(report):
     assert "Keeps every limit" in render_plan(report_of(model=CUP))
 
 
+def test_the_page_tells_the_frequency_tolerance_as_the_terminal_does(report):
+    text = re.sub(r"<[^>]*>", "", render_plan(report))
+    assert "frequency tolerance0.5 %" in text
+    assert "up to which the limits hold; 1 % off: 15.20 mm, after the end 2.13 mm" in text
+    none = replace(report, borne=replace(BORNE, error=0.0))
+    assert "already 0.1 % exceeds a limit" in render_plan(none)
+
+
 def test_a_motion_of_the_waypoints_that_is_none():
     with pytest.raises(ValueError, match="less than two milliseconds"):
         proposed_motion(Waypoints(np.array([0.0, 5e-4, 1e-3]), 1e-5 * POINTS[:3], None))
 
 
 def test_every_number_is_that_of_the_document(report):
-    document = json.loads(plan_json(report))
+    document = json.loads(json_text(plan_document(report).data))
     found = re.findall(r'<data value="([^"]*)" data-path="([^"]*)">', render_plan(report))
     assert len(found) > 25
     for value, path in found:
@@ -126,7 +149,7 @@ def seen(headless, report):
         "screen": View(page),
         "dark": View(page, dark=True),
         "phone": View(page, width=390),
-        "hostile": View(render_plan(replace(report, subtitle=EVIL, notes=(EVIL,))), width=390),
+        "hostile": View(render_plan(replace(report, subtitle=EVIL, remarks=(EVIL,))), width=390),
     }
     look = headless.look(list(views.values()), LOOK)
     return {**dict(zip(views, look.values, strict=True)), "console": look.console}

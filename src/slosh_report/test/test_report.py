@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from slosh_report.errors import SloshReportError
+from slosh_report.page.html import LIVE
+from slosh_report.page.template import script
 from slosh_report.page.units import shown
 from slosh_report.run_report import (
     AzimuthSeries,
@@ -26,7 +28,6 @@ from slosh_report.run_report import (
     render_report,
     report_document,
 )
-from slosh_report.run_report.page import closer_scripts
 
 T = np.linspace(0.0, 8.0, 480)
 REPORT = RunReport(
@@ -49,7 +50,7 @@ REPORT = RunReport(
 )
 
 
-OWN_SCRIPTS = closer_scripts()
+OWN_SCRIPTS = [script(*name) for name in LIVE]
 
 
 class Page(HTMLParser):

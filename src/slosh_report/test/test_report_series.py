@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from slosh_report.page.charts import chart_svg
 from slosh_report.page.series import envelope, gaps, united
 from slosh_report.page.svg import NARROW
 from slosh_report.run_report import AzimuthSeries, render_report
@@ -58,11 +59,11 @@ def test_a_lower_bound_below_the_model_is_no_residual(full_report):
 
 
 def test_lower_bounds_gaps_motions_and_frames_are_marked(full_report):
-    drawn = heights_chart(full_report, NARROW, "x")
+    drawn = chart_svg(heights_chart(full_report, "x"), NARROW, "x")
     assert "var(--gap)" in drawn
     assert all(f">{mark}</text>" in drawn for mark in ("1", "2", "A"))
     plain = replace(full_report, saturated=None)
-    assert len(heights_chart(plain, NARROW, "x")) < len(drawn)
+    assert len(chart_svg(heights_chart(plain, "x"), NARROW, "x")) < len(drawn)
 
 
 @pytest.mark.long

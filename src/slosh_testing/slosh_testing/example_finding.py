@@ -27,10 +27,12 @@ from slosh_discovery.discover.finding import (
     WorstMoment,
 )
 from slosh_discovery.discover.motion import MeasuredMotion
-from slosh_discovery.discovery_report import Command, DiscoveryReport
+from slosh_discovery.discovery_report import Command, DiscoveryReport, discovery_document
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs
+from slosh_report.page.html import html_page
+from slosh_report.text import document_text, json_text
 
 Array = NDArray[np.float64]
 
@@ -39,7 +41,7 @@ NOISE = 0.3e-3
 T = np.arange(0.0, 6.0, 1.0 / 60.0)
 BASE = Model(Cylinder(0.05, 0.07))
 FOUND = BASE.with_effect("vertical_acceleration").with_effect("fill_level", delta=-0.0031234)
-WHERE = (
+_WHERE = (
     WhereRow("phase", "motion", 1.234e-3, 0.31e-3, 0.71234, 720),
     WhereRow("phase", "dwell", 0.81e-3, 0.30e-3, 0.28766, 1080),
     WhereRow("amplitude", "0 … 5 mm", 0.5e-3, 0.3e-3, 0.2, 900),
@@ -113,7 +115,7 @@ def example_finding(verdict: Verdict = Verdict.NAMED) -> Finding:
         confidence=0.9604,
         gap=HeightGap(NOISE, 1.912e-3, 0.31e-3, 2.012e-3, 0.32e-3, 0.99829, 0.99687),
         motions=motions,
-        where=WHERE,
+        where=_WHERE,
         worst=(WorstMoment("day_1#2", 1.52, 8.1e-3, 11.1e-3, 8.2e-3),
                WorstMoment("cup_profile", 0.71, 4.3e-3, 6.1e-3, 4.1e-3)),
         candidates=candidates,
@@ -139,6 +141,12 @@ def example_report(verdict: Verdict = Verdict.NAMED) -> DiscoveryReport:
         ),
         separating_files=files,
     )
+
+
+def forms_of(report: DiscoveryReport) -> tuple[str, str, str]:
+    """Returns a report as JSON, as text of the terminal, and as a page."""
+    document = discovery_document(report)
+    return json_text(document.data), document_text(document), html_page(document)
 
 
 _SINGLE = (
@@ -224,15 +232,13 @@ _WITH = {
 
 def main() -> None:
     """Writes the HTML page of an example discovery result."""
-    from slosh_discovery.discovery_report import discovery_text, render_discovery
-
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("verdict", choices=[verdict.value for verdict in Verdict])
     parser.add_argument("-o", "--output", type=Path, required=True)
     arguments = parser.parse_args()
-    report = example_report(Verdict(arguments.verdict))
-    arguments.output.write_text(render_discovery(report), encoding="utf-8")
-    print(discovery_text(report))
+    _, text, page = forms_of(example_report(Verdict(arguments.verdict)))
+    arguments.output.write_text(page, encoding="utf-8")
+    print(text)
 
 
 if __name__ == "__main__":

@@ -1,17 +1,30 @@
-"""HTML page about months of stored motions: trends, events by shift, the worst motions."""
+"""Months of stored motions as a document: trends, events by shift, the worst motions."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from markupsafe import Markup
-
 from slosh_fleet.motions.query import TABLE, MotionTable
 from slosh_fleet.motions.store import FleetStore
-from slosh_report.page.svg import LINEAR, MEASURED, NONLINEAR, canvas, style, svg_text
-from slosh_report.page.template import make_environment
+from slosh_report.document import (
+    Block,
+    Chart,
+    Column,
+    Document,
+    Figure,
+    Paragraph,
+    Section,
+    Table,
+    explain,
+    table,
+)
+from slosh_report.page.charts import KINDS
+from slosh_report.page.units import DASH
+from slosh_report.texts import Mark, Text
 
 SIZE = (6.4, 2.6)
 MOST_LINES: Final = 3
@@ -19,8 +32,8 @@ MOST_LINES: Final = 3
 MOST_CONTAINERS: Final = 50
 """Rows of the table of all containers."""
 WORST: Final = 20
-_LINES = ((NONLINEAR, "-"), (LINEAR, "--"), (MEASURED, "-"))
-"""Colours and dashes of a chart's lines, as the template's keys have them."""
+_KINDS = ("nonlinear", "linear", "measured")
+"""Of a chart's lines."""
 _OVERVIEW = f"SELECT count(*), count(DISTINCT cell), min(begin), max(begin) FROM {TABLE}"
 _MONTHS = f"""SELECT month, cell, container, left(model_digest, 8), count(*),
 max(coalesce(measured_peak, nonlinear_peak)), avg(sigma_nonlinear),
@@ -79,42 +92,109 @@ class Drift(NamedTuple):
         return f"{self.cell}, {self.container or 'unknown container'}, model {self.model[:8]}"
 
 
-class Trend(NamedTuple):
-    """A chart of a quantity's daily medians; `drawing` is empty if there are no values."""
-
-    name: str
-    label: str
-    drawing: Markup | str
-    lines: Sequence[str] = ()
-
-
-class BagLink(NamedTuple):
-    """A bag's path, with its URL if the bag is on this machine's disk."""
-
-    path: str
-    url: str
-
-
-def render_fleet(store: FleetStore) -> str:
-    """Renders the HTML page of a store of motions; all texts in it are escaped.
+def fleet_document(store: FleetStore) -> Document:
+    """Returns months of stored motions as a document.
 
     Raises:
         SloshBagError: DuckDB is not installed, or the store is empty.
     """
-    template = make_environment("slosh_fleet.motions").get_template("motions.html.j2")
-    with MotionTable(store, loaded=_COLUMNS) as table:
-        ((motions, cells, first, last),) = table.query(_OVERVIEW).rows
-        drifts = [Drift(*row) for row in table.query(_DRIFTS).rows]
-        return template.render(
-            place=store.url, motions=motions, cells=cells, first=first, last=last,
-            months=table.query(_MONTHS).rows, shifts=table.query(_SHIFTS).rows,
-            worst=[(*row[:-1], _link(row[-1])) for row in table.query(_WORST).rows],
-            drifts=drifts[:MOST_CONTAINERS], containers=len(drifts),
-            trends=[
-                _trend(table, _most_changed(drifts, number), *chart)
-                for number, chart in enumerate(CHARTS)
-            ],
-        )  # fmt: skip
+    with MotionTable(store, loaded=_COLUMNS) as motions:
+        ((count, cells, first, last),) = motions.query(_OVERVIEW).rows
+        drifts = [Drift(*row) for row in motions.query(_DRIFTS).rows]
+        trends = tuple(
+            _trend(motions, _most_changed(drifts, number), *chart)
+            for number, chart in enumerate(CHARTS)
+        )
+        months, shifts, worst = (motions.query(sql).rows for sql in (_MONTHS, _SHIFTS, _WORST))
+    span = f"{first:%Y-%m-%d} to {last:%Y-%m-%d} (UTC), {store.url}"
+    most = ""
+    if len(drifts) > MOST_CONTAINERS:
+        most = f" The {MOST_CONTAINERS} of {len(drifts)} containers with most motions."
+    daily = (
+        "Daily medians as the observer found them, of the containers that have changed most; all "
+        "are in the table."
+    )
+    line = (
+        "Medians, and changes from the first to the last motion by a straight line through all of "
+        "them."
+    )
+    return Document(
+        f"{count} motions of {cells} cells",
+        (Paragraph(span, "subtitle"),),
+        (
+            Section("Trends", (explain(daily), *trends), "trends"),
+            Section(
+                "Containers",
+                (
+                    explain(line + most),
+                    _table("Containers", _CONTAINERS, drifts[:MOST_CONTAINERS]),
+                ),
+                "containers",
+            ),
+            Section("Months", (_table("Months", _OF_MONTH, months),), "months"),
+            Section(
+                "Shifts", (explain("Hours in UTC."), _table("Shifts", _OF_SHIFT, shifts)), "shifts"
+            ),
+            Section(
+                "Worst motions",
+                (
+                    explain("By the greatest height as a share of its limit. Times in UTC."),
+                    _table("Worst motions", _OF_WORST, worst),
+                ),
+                "worst",
+            ),
+        ),
+    )
+
+
+def _table(caption: str, columns: Sequence[Column], rows: Sequence[Any]) -> Table:
+    return table(caption, columns, rows, seen=False, most=sys.maxsize)
+
+
+def _column(place: int, head: str, form: str = "", factor: float = 1.0) -> Column:
+    """Returns the column of an entry of rows, which is shown in a format; None: unknown."""
+
+    def cell(row: Sequence[Any]) -> Text:
+        value = row[place]
+        if value is None:
+            return DASH
+        return f"{factor * value:{form}}" if form else str(value)
+
+    return Column(head, cell, "n" if form else "")
+
+
+def _model(place: int) -> Column:
+    return Column("model", lambda row: Mark(row[place][:8], "code"))
+
+
+def _bag(row: Sequence[Any]) -> Text:
+    """Returns a bag's path, with a link if the bag is on this machine's disk."""
+    path = Path(row[-1])
+    return Mark(row[-1], link=path.as_uri() if path.is_absolute() else "")
+
+
+MM, FREQUENCY, DAMPING = (".2f", 1e3), (".3f",), (".4f",)
+_CONTAINERS = (
+    _column(0, "cell"), _column(1, "container"), _model(2), _column(3, "motions", ".0f"),
+    _column(4, "natural frequency [rad/s]", *FREQUENCY), _column(5, "change", "+.3f"),
+    _column(6, "damping ratio", *DAMPING), _column(7, "change", "+.4f"),
+    _column(8, "level [mm]", *MM), _column(9, "change", "+.2f", 1e3),
+)  # fmt: skip
+_OF_MONTH = (
+    _column(0, "month"), _column(1, "cell"), _column(2, "container"), _model(3),
+    _column(4, "motions", ".0f"), _column(5, "highest [mm]", *MM), _column(6, "MAE [mm]", *MM),
+    _column(7, "natural frequency [rad/s]", *FREQUENCY), _column(8, "damping ratio", *DAMPING),
+    _column(9, "events", ".0f"),
+)  # fmt: skip
+_OF_SHIFT = (
+    Column("hours", lambda row: f"{8 * row[0]} to {8 * row[0] + 8}"), _column(1, "motions", ".0f"),
+    _column(2, "events", ".0f"), _column(3, "motions with events", ".0f"),
+)  # fmt: skip
+_OF_WORST = (
+    Column("begin", lambda row: f"{row[0]:%Y-%m-%d %H:%M:%S}"), _column(1, "cell"),
+    _column(2, "container"), _column(3, "measured [mm]", *MM), _column(4, "estimated [mm]", *MM),
+    _column(5, "limit [mm]", *MM), _column(6, "events", ".0f"), Column("bag", _bag, "name"),
+)  # fmt: skip
 
 
 def _most_changed(drifts: Sequence[Drift], number: int) -> list[Drift]:
@@ -127,31 +207,34 @@ def _most_changed(drifts: Sequence[Drift], number: int) -> list[Drift]:
 
 
 def _trend(
-    table: MotionTable, drifts: Sequence[Drift], name: str, column: str, label: str, factor: float
-) -> Trend:
-    """Draws the daily medians of a column of the stored motions, one line per container."""
+    motions: MotionTable,
+    drifts: Sequence[Drift],
+    name: str,
+    column: str,
+    label: str,
+    factor: float,
+) -> Block:
+    """Returns a chart of the daily medians of a column, one line per container."""
+    sql = _TREND.format(column=column)
+    found = [motions.query(sql, (one.cell, one.model)).rows for one in drifts]
+    if not any(found):
+        return Paragraph(f"{label}: not known of any motion.")
+    keys = tuple(Mark(one.title, f"key {kind}") for one, kind in zip(drifts, _KINDS, strict=False))
+    draw = partial(_draw_days, days=found, factor=factor)
+    chart = Chart(name, f"{label}:", f"{label} by day", draw=draw, keys=keys, sizes=(SIZE,))
+    return Figure((chart,))
+
+
+def _draw_days(axes: Any, *, days: Sequence[Sequence[Any]], factor: float) -> None:
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
-    sql = _TREND.format(column=column)
-    found = [table.query(sql, (one.cell, one.model)).rows for one in drifts]
-    if not any(found):
-        return Trend(name, label, "")
-    with style(name):
-        figure = canvas(SIZE)
-        axes: Any = figure.add_subplot()
-        for rows, (colour, dashes) in zip(found, _LINES, strict=False):
-            days = [day for day, _ in rows]
-            values = [factor * value for _, value in rows]
-            axes.plot(days, values, dashes, marker=".", markersize=4.0, color=colour)
-        axes.ticklabel_format(axis="y", useOffset=False)
-        locator: Any = AutoDateLocator(minticks=3, maxticks=8)  # type: ignore[no-untyped-call]
-        axes.xaxis.set_major_locator(locator)
-        shown: Any = ConciseDateFormatter(locator)  # type: ignore[no-untyped-call]
-        axes.xaxis.set_major_formatter(shown)
-        drawing = Markup(svg_text(figure, name))
-    return Trend(name, label, drawing, [one.title for one in drifts])
-
-
-def _link(bag: str) -> BagLink:
-    path = Path(bag)
-    return BagLink(bag, path.as_uri() if path.is_absolute() else "")
+    for rows, kind in zip(days, _KINDS, strict=False):
+        colour, _, dashes = KINDS[kind]
+        values = [factor * value for _, value in rows]
+        axes.plot([day for day, _ in rows], values, marker=".", markersize=4.0, color=colour,
+                  linestyle=dashes)  # fmt: skip
+    axes.ticklabel_format(axis="y", useOffset=False)
+    locator: Any = AutoDateLocator(minticks=3, maxticks=8)  # type: ignore[no-untyped-call]
+    axes.xaxis.set_major_locator(locator)
+    shown: Any = ConciseDateFormatter(locator)  # type: ignore[no-untyped-call]
+    axes.xaxis.set_major_formatter(shown)

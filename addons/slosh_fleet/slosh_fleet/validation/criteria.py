@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from slosh_fleet.validation.content import Criterion, Recording, Repeatability, Verdict
-from slosh_fleet.validation.sections import HEIGHT
+from slosh_fleet.validation.document import HEIGHT
 
 NAN: Final = math.nan
 COVERAGE: Final = 2.0

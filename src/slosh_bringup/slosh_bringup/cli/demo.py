@@ -100,15 +100,16 @@ def tell(line: str) -> None:
 def _identified(output: Path, model: str) -> Path:
     """Identifies the payload of the simulated force sensor; returns the result file's path."""
     from slosh_bringup.cell.force_sensor import ForceSensor, calibration_record
-    from slosh_discovery.force.text import force_json
+    from slosh_discovery.force.document import force_data
     from slosh_discovery.force.workflow import identify_force
     from slosh_discovery.identifying import DOCUMENT
+    from slosh_report.text import json_text
 
     truth = read_model(model)
     found = identify_force(calibration_record(truth, ForceSensor(), seed=2), truth)
     path = output / DOCUMENT
     output.mkdir(parents=True, exist_ok=True)
-    write_text(path, force_json(found))
+    write_text(path, json_text(force_data(found)))
     tell(f"payload identified from a simulated stroke: {path}")
     return path.resolve()
 

@@ -28,10 +28,10 @@ from slosh_bringup.discovery_task import (
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.finished_work import NOTES
 from slosh_discovery.discovering import PAGE, DiscoveryRequest, check_paths
-from slosh_discovery.discovery_report import discovery_text
 from slosh_discovery.discovery_report.words import shown_confidence
 from slosh_report.json_values import plain
 from slosh_report.page.units import DASH
+from slosh_report.text import printed
 from slosh_report.text_table import aligned
 
 if TYPE_CHECKING:
@@ -108,11 +108,9 @@ def run(arguments: argparse.Namespace) -> int:
     tell = Teller("discover")
     # Made before the work: long work must not end at a folder that takes no file.
     with new_folder(request.output) as folder, share_bar("discover") as progress:
-        report, document = examine(request, folder, tell, progress, arguments.jobs)
-    if arguments.json:
-        print(document, end="")
-    else:
-        print(discovery_text(report))
+        _, document = examine(request, folder, tell, progress, arguments.jobs)
+    print(printed(document, arguments.json), end="")
+    if not arguments.json:
         print(f"\nreport {plain_line(request.output / PAGE)}")
     return tell.exit_code
 

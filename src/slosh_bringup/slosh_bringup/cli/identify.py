@@ -15,7 +15,6 @@ from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
 from slosh_discovery.discovering import check_paths
-from slosh_discovery.identification_report import identification_text
 from slosh_discovery.identify import Strategy, identify
 from slosh_discovery.identify.parameters import DEFAULT
 from slosh_discovery.identifying import (
@@ -25,6 +24,7 @@ from slosh_discovery.identifying import (
     prepare,
     write_results,
 )
+from slosh_report.text import printed
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -91,19 +91,22 @@ def run(arguments: argparse.Namespace) -> int:
     check_paths(request.data, request.holdout, request.output)
     # Made before the work: long work must not end at a folder that takes no file.
     with new_folder(request.output) as folder:
-        prepared = prepare(request, tell)
+        notes: list[str] = []
+        try:
+            prepared = prepare(request, notes.append)
+        finally:
+            for note in notes:
+                tell(note)
         with share_bar("identify") as progress:
             found = identify(
                 prepared.fit, prepared.base, request.names, strategy=request.strategy,
                 holdout=prepared.holdout, ratio=request.ratio, tolerance=request.tolerance,
                 progress=progress,
             )  # fmt: skip
-        report = make_report(request, prepared, found)
+        report = make_report(request, prepared, notes, found)
         document = write_results(folder, report)
-    if arguments.json:
-        print(document, end="")
-    else:
-        print(identification_text(report))
+    print(printed(document, arguments.json), end="")
+    if not arguments.json:
         print(f"\nreport {plain_line(request.output / PAGE)}")
     return tell.exit_code
 

@@ -12,11 +12,11 @@ from slosh_bringup.cli.table_options import table_options
 from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
 from slosh_discovery.discover_data.force_reading import ForceSource, read_force
-from slosh_discovery.force.text import force_json, force_text, identified_model
+from slosh_discovery.force.document import force_document, identified_model
 from slosh_discovery.force.workflow import identify_force
-from slosh_discovery.force_report.page import render_force
 from slosh_discovery.identifying import DOCUMENT, MODEL, PAGE
 from slosh_model.model_text import format_model, read_model
+from slosh_report.text import printed, write_document
 
 
 def add_arguments(parser: Any) -> None:
@@ -45,17 +45,13 @@ def run(arguments: argparse.Namespace) -> int:
     model = read_model(arguments.model)
     source = ForceSource(arguments.wrench, wanted_input(arguments), table_options(arguments))
     found = identify_force(read_force(arguments.data[0], source, tell), model)
-    document = force_json(found)
+    identified = identified_model(model, found)
+    document = force_document(found, model, identified)
     if arguments.output is not None:
         with new_folder(arguments.output) as folder:
-            identified = identified_model(model, found)
             write_text(folder / MODEL, format_model(identified))
-            write_text(folder / PAGE, render_force(found, model, identified))
-            write_text(folder / DOCUMENT, document)
-    if arguments.json:
-        print(document, end="")
-        return tell.exit_code
-    print(force_text(found))
-    if arguments.output is not None:
+            write_document(folder / PAGE, document, folder / DOCUMENT)
+    print(printed(document, arguments.json), end="")
+    if arguments.output is not None and not arguments.json:
         print(f"\nreport {plain_line(arguments.output / PAGE)}")
     return tell.exit_code

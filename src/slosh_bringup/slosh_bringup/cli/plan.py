@@ -12,12 +12,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from slosh_base.files import check_apart, check_free, new_folder, write_text
+from slosh_base.files import check_apart, check_free, new_folder
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli import quantities
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.plan_path import AskedPath, add_path_arguments, asked_path
-from slosh_bringup.cli.plan_text import facts, summary
 from slosh_bringup.cli.quantities import ERROR, FRACTION, HEIGHT, angle, time
 from slosh_bringup.cli.rim_option import add_rim_distance
 from slosh_bringup.cli.table_options import add_table_options
@@ -26,6 +25,7 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_model import Model
 from slosh_model.tray import read_tray
 from slosh_plan import HeightLimits, ModelError
+from slosh_plan.plan_report.words import plan_lines, tray_facts
 from slosh_plan.planning.limits import (
     ACCELERATION,
     JERK,
@@ -36,9 +36,10 @@ from slosh_plan.planning.limits import (
 )
 from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, model_for
 from slosh_plan.planning.plan_tray import plan_container, remarks_of
-from slosh_plan.planning.tolerance import frequency_tolerance
+from slosh_plan.planning.tolerance import Tolerance, frequency_tolerance
 from slosh_plan.tables.joint_table import write_joint_table
 from slosh_plan.tables.path_table import write_plan_table
+from slosh_report.text import write_document
 
 LARGEST_FILE = 200_000_000
 """Bytes."""
@@ -169,13 +170,12 @@ def run(arguments: argparse.Namespace) -> int:
     answer = planned.plan
     felt = model_for(planned.one.placed, limits, answer.path)
     remarks = remarks_of(planned, limits)
-    write_results(arguments, felt, answer, asked, remarks)
     borne = frequency_tolerance(felt, answer.found.motion, answer.limits, attitude)
-    print(
-        json.dumps(facts(planned, borne) | {"remarks": remarks})
-        if arguments.json
-        else summary(planned, arguments.output, borne, remarks)
-    )
+    write_results(arguments, felt, answer, asked, borne, remarks)
+    if arguments.json:
+        print(json.dumps(tray_facts(planned, borne) | {"remarks": remarks}))
+    else:
+        print("\n".join(plan_lines(planned, arguments.output, borne, remarks)))
     return tell.exit_code
 
 
@@ -217,21 +217,20 @@ def write_results(
     model: Model,
     answer: Plan,
     asked: AskedPath,
+    borne: Tolerance,
     remarks: Sequence[str],
 ) -> None:
     """Writes the requested motion file and HTML page: both, or neither if one fails."""
     with ExitStack() as stack:
         if arguments.report is not None:
-            # It loads the templates: a plan without a page does without.
-            from slosh_plan.plan_report.data import plan_json
-            from slosh_plan.plan_report.making import make_report
-            from slosh_plan.plan_report.page import render_plan
+            # Only a page is compared with other motions.
+            from slosh_plan.plan_report.comparison import make_report
+            from slosh_plan.plan_report.document import plan_document
 
             subtitle = f"{asked.name} with {arguments.model} ({model.name})"
-            report = make_report(model, answer, asked.waypoints, subtitle, remarks)
+            report = make_report(model, answer, asked.waypoints, borne, subtitle, remarks)
             folder = stack.enter_context(new_folder(arguments.report))
-            write_text(folder / PAGE, render_plan(report))
-            write_text(folder / DOCUMENT, plan_json(report))
+            write_document(folder / PAGE, plan_document(report), folder / DOCUMENT)
         if arguments.output is None:
             return
         if asked.joints:

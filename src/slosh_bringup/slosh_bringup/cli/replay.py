@@ -14,7 +14,7 @@ from typing import Any
 
 from slosh_bag.mcap_files.bag_folder import files_of
 from slosh_bag.reader import bag_files
-from slosh_base.files import check_apart, check_outside, write_text
+from slosh_base.files import check_apart, check_outside
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.bag_work import add_work_options, named_error, work_of
 from slosh_bringup.cli.input_options import add_input_options, wanted_input
@@ -37,8 +37,9 @@ from slosh_model.model_text import read_model
 from slosh_replay.manifest import NAME, Expectation, read_manifest, write_manifest
 from slosh_replay.replay.checking import RECORDED
 from slosh_replay.replay.result import Judged, ModelAccuracy
-from slosh_report.index_page import MARK, IndexRow, render_index
 from slosh_report.run_report import RunVerdict
+from slosh_report.run_report.index import MARK, IndexRow, index_document
+from slosh_report.text import write_document
 from slosh_report.text_table import aligned
 
 INDEX = "index.html"
@@ -67,8 +68,8 @@ def write_index(folder: Path, outcomes: Sequence[ItemOutcome[Task, Replayed]]) -
     Raises:
         OSError: it cannot be written; it bears the path.
     """
-    page = render_index("Replayed bags", [_index_row(each) for each in outcomes])
-    write_text(folder / INDEX, page)
+    rows = [_index_row(each) for each in outcomes]
+    write_document(folder / INDEX, index_document("Replayed bags", rows))
 
 
 def _is_index(page: Path) -> bool:

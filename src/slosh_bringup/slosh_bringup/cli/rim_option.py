@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 
 from slosh_bringup.cli.quantities import HEIGHT
 
@@ -15,10 +14,3 @@ def add_rim_distance(parser: argparse.ArgumentParser) -> None:
         help="least vertical distance of the liquid to the rim [m], an alternative to --limit; "
         "the model must define the rim (default 0: the rim itself)",
     )  # fmt: skip
-
-
-def rim_words(distance: float) -> str:
-    """Describes how far below or above the rim the liquid reaches; empty if that is unknown."""
-    if math.isnan(distance):
-        return ""
-    return f", {1e3 * abs(distance):.1f} mm {'below' if distance >= 0.0 else 'above'} the rim"

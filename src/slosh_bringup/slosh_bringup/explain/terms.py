@@ -63,7 +63,7 @@ COLUMNS: Mapping[str, str] = {
     "verdict": "passed, failed or no expectation, by the manifest; of a discovery its result",
     "latency": "time from an image's exposure to its comparison [ms]",
     "lost lost_messages": "messages that were published and are not in the bag",
-    "what": "quantity that the row is about",
+    "what quantity": "quantity that the row is about",
     "found": "value of this run, or estimated value",
     "expected": "value in the manifest with its tolerance",
     "model": "model of the row: slosh explain 3D-NL explains its name",
@@ -125,6 +125,8 @@ COLUMNS: Mapping[str, str] = {
     "excess residual_excess": "peak or residual minus its limit [m]; negative: below it",
     "safe_from time_scale": "multiple of the duration from which on every slower run keeps the "
     "limits",
+    "frequency_tolerance": "largest error of the natural frequency with which a plan keeps its "
+    "limits [%, in files 1]",
     "safe_scales": "intervals of time scales that keep the limits",
     "proven": "whether a bound of the linear model shows that all slower runs are safe",
     "kept": "whether all limits are kept",

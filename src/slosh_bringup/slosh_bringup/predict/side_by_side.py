@@ -1,15 +1,15 @@
-"""Draws predicted motions side by side, as a picture and as an HTML page."""
+"""Draws predicted motions side by side, in a picture and on a page."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from slosh_base.files.plain_text import plain_line
 from slosh_base.types import Array
@@ -19,11 +19,10 @@ from slosh_model.tilt import attitude_of, with_tilt
 from slosh_plan import Prediction, Trajectory
 from slosh_plan.heights import highest, msh_of
 from slosh_plan.prediction import checked_horizon
+from slosh_report.document import Chart, Document, Figure, Group, Line, Paragraph, Section, explain
 from slosh_report.page.series import envelope
-from slosh_report.page.svg import INK, LIMIT, LINEAR, NONLINEAR, SMALL, time_chart, time_ends
-from slosh_report.page.template import make_environment
-
-LOW = (SMALL[0], 1.7)
+from slosh_report.page.svg import INK, LIMIT, SMALL
+from slosh_report.texts import Mark
 
 PANEL, PICTURE_HEIGHT = 3.6, 5.4
 """Width of a motion's panels and height of the picture [in]."""
@@ -31,19 +30,6 @@ PANEL, PICTURE_HEIGHT = 3.6, 5.4
 MOST = 12
 """So many motions are drawn; the table holds all."""
 HEADROOM = 1.15
-
-
-class Palette(NamedTuple):
-    """Colours of the lines in a diagram."""
-
-    nonlinear: str
-    linear: str
-    limit: str
-    ink: str
-
-
-COLOURS = Palette(NONLINEAR, LINEAR, LIMIT, INK)
-PICTURE_COLOURS = Palette("tab:blue", "tab:orange", "tab:red", "dimgray")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,6 +65,12 @@ class PredictedProfile:
             f"azimuth {math.degrees(found.azimuth):.0f}°",
             f"residual {1e3 * found.residual:.1f} mm",
         ]
+
+    @property
+    def limit(self) -> str:
+        """Name and height of the limit."""
+        limits = self.answer.limits
+        return f"{limits.height_name} {1e3 * limits.height:.1f} mm"
 
 
 def profiles(
@@ -121,77 +113,65 @@ def scales(shown: Sequence[PredictedProfile]) -> tuple[float, float]:
     return HEADROOM * max([highest, *near]) or 1.0, HEADROOM * strongest or 1.0
 
 
-def draw_heights(axes: Any, one: PredictedProfile, colours: Palette, top: float) -> None:
-    """Draws the heights of linear and nonlinear model, the limit or rim, and the motion's end."""
-    axes.plot(*envelope(one.t, 1e3 * one.linear), color=colours.linear, linestyle=(0, (4, 2)))
-    axes.plot(*envelope(one.t, 1e3 * one.nonlinear), color=colours.nonlinear)
-    limits = one.answer.limits
-    if 1e3 * limits.height < top:
-        axes.axhline(1e3 * limits.height, color=colours.limit, linestyle=(0, (1, 2)))
-        axes.annotate(
-            f"{limits.height_name} {1e3 * limits.height:.1f} mm", (0.99, 1e3 * limits.height),
-            xycoords=axes.get_yaxis_transform(), ha="right", va="bottom", color=colours.limit,
-        )  # fmt: skip
-    axes.axvline(one.answer.duration, color=colours.ink, linewidth=0.8, linestyle=(0, (1, 3)))
-    axes.set_ylim(0.0, top)
+def _draw_bounds(axes: Any, one: PredictedProfile, *, limit: str, end: str) -> None:
+    """Draws the limit of the height or the rim, if a colour is given, and the motion's end."""
+    if limit:
+        height = 1e3 * one.answer.limits.height
+        axes.axhline(height, color=limit, linestyle=(0, (1, 2)))
+    axes.axvline(one.answer.duration, color=end, linewidth=0.8, linestyle=(0, (1, 3)))
 
 
-def draw_acceleration(axes: Any, one: PredictedProfile, colours: Palette, top: float) -> None:
-    """Draws the magnitude of the container's acceleration over time."""
-    axes.plot(*envelope(one.t, one.acceleration), color=colours.ink)
-    axes.axvline(one.answer.duration, color=colours.ink, linewidth=0.8, linestyle=(0, (1, 3)))
-    axes.set_ylim(0.0, top)
-
-
-def render_page(
-    facts: Sequence[Mapping[str, Any]],
-    shown: Sequence[PredictedProfile],
-    doubts: Sequence[Sequence[str]],
-) -> str:
-    """Renders the HTML page of predicted motions; all texts in it are escaped.
+def with_charts(document: Document, shown: Sequence[PredictedProfile]) -> Document:
+    """Adds the charts of predicted motions, with common axis scales, to their document.
 
     Args:
-        facts: of all motions, as `slosh predict --json` gives them.
+        document: of all motions.
         shown: those that are drawn, the first ones.
-        doubts: of all motions, what casts doubt on each as an input.
     """
-    headline = f"{len(facts)} predicted motions"
-    if any(one.answer.limits.given for one in shown):
-        kept = sum(bool(row["kept"]) for row in facts)
-        headline = f"{kept} of {len(facts)} motions within their limits"
-    noted = [
-        (row["trajectory"], "; ".join([*row["remarks"], *own]))
-        for row, own in zip(facts, doubts, strict=True)
-        if row["remarks"] or own
-    ]
-    template = make_environment("slosh_bringup.predict").get_template("predict.html.j2")
-    return template.render(
-        facts=facts,
-        noted=noted,
-        headline=headline,
-        shown=shown,
-        charts=[_charts(one, number, *scales(shown)) for number, one in enumerate(shown)],
+    tops = scales(shown)
+    charts = tuple(_figure(one, number, *tops) for number, one in enumerate(shown))
+    first = f"The first {len(shown)} motions." if len(shown) < len(document.data) else ""
+    blocks = (
+        Paragraph(first, "explain"),
+        Group(charts, "small-charts"),
+        explain(
+            "The charts have the same scales of height and of acceleration. The dotted vertical "
+            "line is the end of the motion."
+        ),
     )
+    section = Section("Over time", blocks, "over-time")
+    return replace(document, sections=(*document.sections, section))
 
 
-def _charts(
-    one: PredictedProfile, number: int, height: float, acceleration: float
-) -> tuple[Markup, Markup]:
-    """Draws a motion's heights and acceleration as two SVG charts."""
-
-    def heights(axes: Any) -> None:
-        draw_heights(axes, one, COLOURS, height)
-        axes.set_ylabel("height [mm]")
-
-    def strength(axes: Any) -> None:
-        draw_acceleration(axes, one, COLOURS, acceleration)
-        axes.set_ylabel("‖a‖ [m/s²]")
-
-    ends = time_ends(one.t)
-    return (
-        Markup(time_chart(heights, ends, SMALL, f"height-{number}")),
-        Markup(time_chart(strength, ends, LOW, f"acceleration-{number}")),
+def _figure(one: PredictedProfile, number: int, height: float, acceleration: float) -> Figure:
+    """Returns a motion's heights and acceleration as two charts."""
+    words = ", ".join(one.words())
+    is_seen = 1e3 * one.answer.limits.height < height
+    heights = Chart(
+        f"height-{number}",
+        Mark(one.answer.name, "b"),
+        f"Heights over time: {words}",
+        (
+            Line("linear", "linear", one.t, one.linear),
+            Line("nonlinear", "nonlinear", one.t, one.nonlinear),
+        ),
+        keys=(*[Mark(one.limit, "key limit")] * is_seen, Mark(words, "full")),
+        draw=partial(_draw_bounds, one=one, limit=LIMIT if is_seen else "", end=INK),
+        top=height,
+        sizes=(SMALL,),
     )
+    strength = Chart(
+        f"acceleration-{number}",
+        "",
+        "Size of the acceleration over time",
+        (Line("", "plain", one.t, one.acceleration),),
+        "‖a‖ [m/s²]",
+        1.0,
+        draw=partial(_draw_bounds, one=one, limit="", end=INK),
+        top=acceleration,
+        sizes=((SMALL[0], 1.7),),
+    )
+    return Figure((heights, strength))
 
 
 def write_picture(path: Path, shown: Sequence[PredictedProfile]) -> None:
@@ -210,10 +190,16 @@ def write_picture(path: Path, shown: Sequence[PredictedProfile]) -> None:
             2, len(shown), sharey="row", sharex="col", height_ratios=(2, 1), squeeze=False
         )
         for one, upper, lower in zip(shown, *rows, strict=True):
-            draw_heights(upper, one, PICTURE_COLOURS, height)
-            draw_acceleration(lower, one, PICTURE_COLOURS, acceleration)
-            title = [plain_line(one.answer.name), *one.words()]
+            is_seen = 1e3 * one.answer.limits.height < height
+            upper.plot(*envelope(one.t, 1e3 * one.linear), color="tab:orange", linestyle="--")
+            upper.plot(*envelope(one.t, 1e3 * one.nonlinear), color="tab:blue")
+            lower.plot(*envelope(one.t, one.acceleration), color="dimgray")
+            for axes, limit in ((upper, "tab:red" if is_seen else ""), (lower, "")):
+                _draw_bounds(axes, one, limit=limit, end="dimgray")
+            title = [plain_line(one.answer.name), *one.words(), *[one.limit] * is_seen]
             upper.set_title("\n".join(title), fontsize=10.0)
             lower.set_xlabel("time [s]")
-        rows[0][0].set_ylabel("height [mm], dashed: linear")
+        rows[0][0].set_ylim(0.0, height)
+        rows[1][0].set_ylim(0.0, acceleration)
+        rows[0][0].set_ylabel("height [mm], dashed: linear, dotted: limit")
         rows[1][0].set_ylabel("‖a‖ [m/s²]")

@@ -1,8 +1,7 @@
-"""Content of a discovery's page, text and `discovery.json`."""
+"""The result of a discovery for its reader, and the content of `discovery.json`."""
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -28,7 +27,7 @@ from slosh_report.page.frame import Frame
 
 SCHEMA = 1
 
-Document = dict[str, Any]
+Data = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,23 +70,13 @@ class DiscoveryReport:
         return tuple(dict.fromkeys((*self.notes, *self.finding.remarks)))
 
 
-def discovery_json(report: DiscoveryReport) -> str:
-    """Returns the text of `discovery.json`: strict JSON, identical for identical results.
+def discovery_data(report: DiscoveryReport) -> Data:
+    """Returns the content of `discovery.json`: numbers in SI units, None: not known.
 
-    Numbers are in SI units, null: not known. The keys stay as they are within one number of
-    `schema`; further keys may come.
-    """
-    return json.dumps(discovery_document(report), indent=2, allow_nan=False) + "\n"
-
-
-def discovery_document(report: DiscoveryReport) -> Document:
-    """Returns a report's numbers and names as a JSON-compatible dictionary.
-
-    Every number that the page shows in a `<data>` element is in here: the element's `data-path`
-    is its JSON pointer (RFC 6901) and its `value` is the number, to the last bit.
+    The keys stay as they are within one number of `schema`; further keys may come.
     """
     finding = report.finding
-    document: Document = plain(
+    data: Data = plain(
         {
             "schema": SCHEMA,
             "verdict": finding.verdict,
@@ -110,17 +99,17 @@ def discovery_document(report: DiscoveryReport) -> Document:
             "group_models": {name: _model(model) for name, model in finding.group_models.items()},
         }
     )
-    return document
+    return data
 
 
-def _effect(effect: FoundEffect) -> Document:
+def _effect(effect: FoundEffect) -> Data:
     """Returns a physical effect as a dictionary, with its parameters' SI units ("1" if none)."""
     sets = [effect.parameters, *(one.parameters for one in effect.by_group.values())]
     units = {name: si_unit(effect.name, name) for one in sets for name in one}
     return {**plain(effect), "units": units}
 
 
-def _gap(gap: HeightGap) -> Document:
+def _gap(gap: HeightGap) -> Data:
     """Returns rms residuals [m] before and after as a dictionary; null if nothing was held out.
 
     `closed`: see Gap; the other two are the shares by motions' role.
@@ -136,7 +125,7 @@ def _gap(gap: HeightGap) -> Document:
     }
 
 
-def _motion(finding: MotionFinding) -> Document:
+def _motion(finding: MotionFinding) -> Data:
     """Returns a motion as a dictionary; `peak` is the highest measured height [m]."""
     motion = finding.motion
     before = residual_rms(finding, finding.before_heights)
@@ -158,12 +147,12 @@ def _motion(finding: MotionFinding) -> Document:
     }
 
 
-def _agreement(agreement: Agreement, residual: float) -> Document:
+def _agreement(agreement: Agreement, residual: float) -> Data:
     """Returns the agreement of heights as a dictionary; `residual` is over all heights [m]."""
     return {"residual": residual, **plain(agreement)}
 
 
-def _candidate(candidate: Candidate) -> Document:
+def _candidate(candidate: Candidate) -> Data:
     """Returns a candidate model as a dictionary; `applicable` is whether it was fitted."""
     return {
         "effects": candidate.effects,
@@ -174,7 +163,7 @@ def _candidate(candidate: Candidate) -> Document:
     }
 
 
-def _separating(motion: SeparatingMotion, files: tuple[str, ...]) -> Document:
+def _separating(motion: SeparatingMotion, files: tuple[str, ...]) -> Data:
     """Returns a separating motion as a dictionary; `file` is its table, or null if not written."""
     return {
         "names": motion.names,
@@ -186,7 +175,7 @@ def _separating(motion: SeparatingMotion, files: tuple[str, ...]) -> Document:
     }
 
 
-def _proposal(proposal: Proposal) -> Document:
+def _proposal(proposal: Proposal) -> Data:
     names = ("term", "coefficient", "unit")
     return {
         "equation": proposal.equation,
@@ -195,6 +184,6 @@ def _proposal(proposal: Proposal) -> Document:
     }
 
 
-def _model(model: Model) -> Document:
+def _model(model: Model) -> Data:
     """Returns a model's short name and the text of its model.yaml as a dictionary."""
     return {"name": model.name, "text": format_model(model)}

@@ -1,9 +1,9 @@
-"""Formats the result of a discovery as a short text for the terminal."""
+"""The result of a discovery as the short text of the terminal."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from slosh_base.files.plain_text import plain_line
 from slosh_discovery.discover.finding import (
@@ -13,19 +13,20 @@ from slosh_discovery.discover.finding import (
     Verdict,
     WhereRow,
 )
-from slosh_discovery.discovery_report.data import Command, DiscoveryReport
+from slosh_discovery.discovery_report.data import DiscoveryReport
 from slosh_discovery.discovery_report.words import (
     NAN,
     explanation,
     largest_share,
     marked,
+    millimetres,
     part_name,
     shown_confidence,
     shown_parameter,
     verdict_sentence,
 )
+from slosh_report.document import Block, Code, Lines, Table, plain_table
 from slosh_report.page.units import DASH, shown
-from slosh_report.text_table import aligned
 
 MOMENTS = 3
 """Worst moments that are told."""
@@ -38,124 +39,95 @@ INDENT = "  "
 Row = tuple[str, ...]
 
 
-def discovery_text(report: DiscoveryReport) -> str:
-    """Formats verdict, effects, errors and the next commands for the terminal."""
+def brief(report: DiscoveryReport) -> tuple[Block, ...]:
+    """Returns verdict, effects, errors and the next commands, as the terminal tells them."""
     finding = report.finding
-    blocks = [
-        [verdict_sentence(finding)],
-        _effects(finding),
+    lines = (
+        word if word.isprintable() else plain_line(word)
+        for command in report.commands
+        for word in (f"# {command.purpose}", command.line)
+    )
+    return (
+        Lines((verdict_sentence(finding),)),
+        plain_table(_effects(finding), "<<<"),
         _evidence(finding),
         _gap(finding),
         _where(finding),
-        _proposal(finding),
-        _separating(report),
-        [plain_line(remark) for remark in report.remarks],
-        [line for command in report.commands for line in _command(command)],
-    ]
-    return "\n\n".join("\n".join(block) for block in blocks if block)
+        Lines(tuple(_proposal(finding))),
+        Lines(tuple(_separating(report))),
+        Lines(report.remarks),
+        Code("\n".join(lines)),
+    )
 
 
-def _command(command: Command) -> tuple[str, str]:
-    """Formats a command with its purpose; control characters are escaped."""
-    line = command.line
-    return f"# {command.purpose}", line if line.isprintable() else plain_line(line)
-
-
-def _effects(finding: Finding) -> list[str]:
-    rows: list[Row] = []
+def _effects(finding: Finding) -> Iterator[Row]:
     for effect in finding.effects:
         values = _parameters(effect) or [""]
-        rows.append((effect.name, values[0], f"confidence {shown_confidence(effect.confidence)}"))
-        rows += [("", value, "") for value in values[1:]]
+        yield effect.name, values[0], f"confidence {shown_confidence(effect.confidence)}"
+        yield from (("", value, "") for value in values[1:])
         if effect.alternatives:
-            rows.append(("", f"or {' or '.join(effect.alternatives)}", ""))
-    return aligned(rows, "<<<")
+            yield "", f"or {' or '.join(effect.alternatives)}", ""
 
 
 def _parameters(effect: FoundEffect) -> list[str]:
+    """Returns a physical effect's parameters, or those of each named group of motions."""
+    alone = FittedParameters(effect.parameters, effect.standard_errors)
+    sets = {f"{group}: ": one for group, one in effect.by_group.items()} or {"": alone}
     return [
         whose + shown_parameter(effect.name, name, value, one.standard_errors.get(name, NAN)).text
-        for whose, one in _sets(effect)
+        for whose, one in sets.items()
         for name, value in one.parameters.items()
     ]
 
 
-def _sets(effect: FoundEffect) -> list[tuple[str, FittedParameters]]:
-    """Returns a physical effect's parameters, or those of each named group of motions."""
-    if effect.by_group:
-        return [(f"{group}: ", one) for group, one in effect.by_group.items()]
-    return [("", FittedParameters(effect.parameters, effect.standard_errors))]
-
-
-def _evidence(finding: Finding) -> list[str]:
-    """Returns lines on the most probable candidate models if the verdict is uncertain."""
+def _evidence(finding: Finding) -> Table:
+    """Returns the most probable candidate models, if there are several."""
     tried = [candidate for candidate in finding.candidates if not candidate.reason]
-    if len(tried) < 2:
-        return []
-    rows: list[Row] = [("explanation", "probability", "rms fit", "held out")]
-    rows += [
+    rows = [
         (
             explanation(marked(candidate.effects, candidate.per_group)),
             shown_confidence(candidate.probability),
-            _millimetres(candidate.fit_rms),
-            _millimetres(candidate.holdout_rms),
+            millimetres(candidate.fit_rms),
+            millimetres(candidate.holdout_rms),
         )
         for candidate in tried[: 1 + RUNNERS_UP]
     ]
-    return aligned(rows, "<>>>")
+    heads = ("explanation", "probability", "rms fit", "held out")
+    return plain_table(rows if len(tried) > 1 else (), "<>>>", heads)
 
 
-def _gap(finding: Finding) -> list[str]:
-    gap = finding.gap
-    changed = finding.changed
-    rows: list[Row] = [("gap", "before", "after", "closed")]
-    rows.append(
-        ("fit", *_both(gap.fit_before, gap.fit_after, changed=changed),
-         _percent(gap.fit_closed, changed=changed))
-    )  # fmt: skip
+def _gap(finding: Finding) -> Table:
+    gap, changed = finding.gap, finding.changed
+
+    def row(name: str, before: float, after: float, closed: float) -> Row:
+        share = f"{shown(closed, '% of')} %" if changed and math.isfinite(closed) else DASH
+        return name, millimetres(before), millimetres(after) if changed else DASH, share
+
+    rows = [row("fit", gap.fit_before, gap.fit_after, gap.fit_closed)]
     if math.isfinite(gap.holdout_before):
-        rows.append(
-            ("held out", *_both(gap.holdout_before, gap.holdout_after, changed=changed),
-             _percent(gap.holdout_closed, changed=changed))
-        )  # fmt: skip
-    rows.append(("noise", _millimetres(gap.noise), "", ""))
-    return aligned(rows, "<>>>")
+        rows.append(row("held out", gap.holdout_before, gap.holdout_after, gap.holdout_closed))
+    rows.append(("noise", millimetres(gap.noise), "", ""))
+    return plain_table(rows, "<>>>", ("gap", "before", "after", "closed"))
 
 
-def _both(before: float, after: float, *, changed: bool) -> tuple[str, str]:
-    return _millimetres(before), _millimetres(after) if changed else DASH
-
-
-def _percent(share: float, *, changed: bool) -> str:
-    return f"{shown(share, '% of')} %" if changed and math.isfinite(share) else DASH
-
-
-def _millimetres(value: float) -> str:
-    return f"{shown(value, 'mm')} mm" if math.isfinite(value) else DASH
-
-
-def _where(finding: Finding) -> list[str]:
-    """Returns lines on the worst parts of the data and the worst times."""
-    if finding.verdict is Verdict.NONE:
-        return []
+def _where(finding: Finding) -> Table:
+    """Returns the worst parts of the data and the worst times."""
     rows: list[Row] = []
-    for row in worst_parts(finding.where):
-        if row.by == "input":
-            values = [shown(value, "", 2) for value in (row.before, row.after)]
+    for part in worst_parts(finding.where):
+        values = [part.before, part.after]
+        if part.by == "input":
+            cells = [shown(value, "", 2) for value in values]
             share = "correlation with the residual"
         else:
-            values = [_millimetres(value) for value in (row.before, row.after)]
-            share = f"{shown(row.share, '% of')} % of the squared residual"
-        rows.append((part_name(row.by), row.label, *values, share))
+            cells = list(map(millimetres, values))
+            share = f"{shown(part.share, '% of')} % of the squared residual"
+        rows.append((part_name(part.by), part.label, *cells, share))
     for moment in finding.worst[:MOMENTS]:
         place = f"{moment.t:.2f} s of {moment.motion}"
-        off = [
-            _millimetres(abs(moment.measured - value)) for value in (moment.before, moment.after)
-        ]
-        rows.append(("moment", place, *off, "off"))
-    if not rows:
-        return []
-    return aligned([("worst by", "", "before", "after", ""), *rows], "<<>><")
+        off = [abs(moment.measured - value) for value in (moment.before, moment.after)]
+        rows.append(("moment", place, *map(millimetres, off), "off"))
+    heads = ("worst by", "", "before", "after", "")
+    return plain_table(() if finding.verdict is Verdict.NONE else rows, "<<>><", heads)
 
 
 def worst_parts(rows: Sequence[WhereRow]) -> Iterator[WhereRow]:
@@ -167,27 +139,20 @@ def worst_parts(rows: Sequence[WhereRow]) -> Iterator[WhereRow]:
             yield group[index]
 
 
-def _proposal(finding: Finding) -> list[str]:
-    proposal = finding.proposal
-    if proposal is None:
-        return []
-    return [
-        f"proposal, not a finding: {proposal.equation}",
-        f"{INDENT}it explains {shown(proposal.explained, '% of')} % of the remaining gap",
-    ]
+def _proposal(finding: Finding) -> Iterable[str]:
+    if finding.proposal is not None:
+        yield f"proposal, not a finding: {finding.proposal.equation}"
+        explained = shown(finding.proposal.explained, "% of")
+        yield f"{INDENT}it explains {explained} % of the remaining gap"
 
 
-def _separating(report: DiscoveryReport) -> list[str]:
-    finding = report.finding
-    if finding.verdict is not Verdict.AMBIGUOUS and not finding.separating:
-        return []
-    lines = []
-    for index, motion in enumerate(finding.separating):
+def _separating(report: DiscoveryReport) -> Iterable[str]:
+    for index, motion in enumerate(report.finding.separating):
         where = "".join(report.separating_files[index : index + 1]) or "a motion"
-        lines += [
-            f"{where} distinguishes {motion.names[0]} from {motion.names[1]}: "
-            f"{motion.description}",
-            f"{INDENT}their heights differ by {_millimetres(motion.difference)} in it,"
-            f" by {_millimetres(motion.present_difference)} in the present motions",
-        ]
-    return lines
+        yield (
+            f"{where} distinguishes {motion.names[0]} from {motion.names[1]}: {motion.description}"
+        )
+        yield (
+            f"{INDENT}their heights differ by {millimetres(motion.difference)} in it,"
+            f" by {millimetres(motion.present_difference)} in the present motions"
+        )

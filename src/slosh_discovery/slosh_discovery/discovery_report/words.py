@@ -211,18 +211,23 @@ def shown_parameter(effect: str, name: str, value: float, error: float = NAN) ->
         value: in its SI unit.
         error: its standard error; NaN: unknown.
     """
-    scale, unit = parameter_unit(effect, name)
+    return shown_value(name, si_unit(effect, name), value, error)
+
+
+def shown_value(name: str, unit: str, value: float, error: float = NAN) -> ShownParameter:
+    """Formats a value with its standard error, both with two digits of the error.
+
+    Args:
+        name: of the parameter.
+        unit: SI unit, "1" for none.
+        value, error: in it; NaN: unknown.
+    """
+    scale, shown_unit = PARAMETER_UNITS.get(unit, (1.0, unit))
     value, error = scale * value, scale * error
     if not (math.isfinite(error) and error > 0.0):
-        return ShownParameter(name, _minus(f"{value:.{SIGNIFICANT}g}"), DASH, unit)
+        return ShownParameter(name, minus(f"{value:.{SIGNIFICANT}g}"), DASH, shown_unit)
     digits = min(max(0, 1 - math.floor(math.log10(error))), MOST_DIGITS)
-    return ShownParameter(name, _minus(f"{value:.{digits}f}"), f"{error:.{digits}f}", unit)
-
-
-def parameter_unit(effect: str, name: str) -> tuple[float, str]:
-    """Returns the factor from the SI unit to the displayed unit, and the displayed unit."""
-    unit = si_unit(effect, name)
-    return PARAMETER_UNITS.get(unit, (1.0, unit))
+    return ShownParameter(name, minus(f"{value:.{digits}f}"), f"{error:.{digits}f}", shown_unit)
 
 
 def si_unit(effect: str, name: str) -> str:
@@ -270,5 +275,11 @@ def largest_share(shares: Iterable[float]) -> int | None:
     return -max(known)[1] if known else None
 
 
-def _minus(text: str) -> str:
+def millimetres(value: float) -> str:
+    """Returns a height with its unit; a dash if it is not known."""
+    return f"{shown(value, 'mm')} mm" if math.isfinite(value) else DASH
+
+
+def minus(text: str) -> str:
+    """Returns the text with a typographic minus sign."""
     return text.replace("-", "−")

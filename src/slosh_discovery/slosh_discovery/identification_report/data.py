@@ -1,8 +1,7 @@
-"""Content of an identification's page, text and `identification.json`."""
+"""The result of an identification for its reader, and `identification.json`."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,7 +20,7 @@ from slosh_report.json_values import plain
 
 SCHEMA = 1
 
-Document = dict[str, Any]
+Data = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,24 +72,14 @@ def first_mode(result: IdentifiedModel, name: str) -> FoundParameter:
     return next(entry for entry in entries if entry.name == name)
 
 
-def identification_json(report: IdentificationReport) -> str:
-    """Returns the text of `identification.json`: strict JSON, identical for identical results.
+def identification_data(report: IdentificationReport) -> Data:
+    """Returns the content of `identification.json`: numbers in SI units, None: not known.
 
-    Numbers are in SI units, null: not known. The keys stay as they are within one number of
-    `schema`; further keys may come.
-    """
-    return json.dumps(identification_document(report), indent=2, allow_nan=False) + "\n"
-
-
-def identification_document(report: IdentificationReport) -> Document:
-    """Returns a report's numbers and names as a JSON-compatible dictionary.
-
-    Every number that the page shows in a `<data>` element is in here: the element's `data-path`
-    is its JSON pointer (RFC 6901) and its `value` is the number, to the last bit.
+    The keys stay as they are within one number of `schema`; further keys may come.
     """
     found = report.found
     files: tuple[str | None, ...] = report.model_files or (None,) * len(found.single)
-    document: Document = plain(
+    data: Data = plain(
         {
             "schema": SCHEMA,
             "strategy": found.strategy,
@@ -108,10 +97,10 @@ def identification_document(report: IdentificationReport) -> Document:
             "base": _model(found.base),
         }
     )
-    return document
+    return data
 
 
-def _identified(one: IdentifiedModel, report: IdentificationReport, file: str | None) -> Document:
+def _identified(one: IdentifiedModel, report: IdentificationReport, file: str | None) -> Data:
     tables = dict(report.help_files)
     return {
         "label": one.label,
@@ -139,7 +128,7 @@ def _identified(one: IdentifiedModel, report: IdentificationReport, file: str | 
     }
 
 
-def _point(point: PointAgreement) -> Document:
+def _point(point: PointAgreement) -> Data:
     return {
         "label": point.point.label,
         "speed": point.point.speed,
@@ -150,7 +139,7 @@ def _point(point: PointAgreement) -> Document:
     }
 
 
-def _motion(motion: FittedMotion) -> Document:
+def _motion(motion: FittedMotion) -> Data:
     peaks = motion.measured[np.isfinite(motion.measured)]
     return {
         "name": motion.name,
@@ -167,7 +156,7 @@ def _motion(motion: FittedMotion) -> Document:
     }
 
 
-def _beside(entry: Beside) -> Document:
+def _beside(entry: Beside) -> Data:
     return {
         "name": entry.name,
         "frequency": entry.frequency,
@@ -176,6 +165,6 @@ def _beside(entry: Beside) -> Document:
     }
 
 
-def _model(model: Model) -> Document:
+def _model(model: Model) -> Data:
     """Returns a model's short name and the text of its model.yaml as a dictionary."""
     return {"name": model.name, "text": format_model(model)}

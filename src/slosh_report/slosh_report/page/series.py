@@ -29,6 +29,14 @@ def gap_length(t: Array) -> float:
     return max(SMALLEST_GAP, STEPS * float(np.median(np.diff(t))))
 
 
+def time_ends(t: Array) -> tuple[float, float]:
+    """Returns the start and end of the time axis that all charts share [s]."""
+    if len(t) < 2:
+        return (0.0, 1.0) if not len(t) else (float(t[0]) - 0.5, float(t[0]) + 0.5)
+    margin = 0.01 * float(t[-1] - t[0])
+    return float(t[0]) - margin, float(t[-1]) + margin
+
+
 def gaps(t: Array, values: Array) -> tuple[tuple[float, float], ...]:
     """Returns the time spans without samples, including those at both ends [s].
 

@@ -8,10 +8,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from slosh_base.types import Array
 from slosh_report.page.series import POINTS, envelope, lone
@@ -56,8 +53,8 @@ STYLE: dict[str, Any] = {
 MARGINS = (0.62, 0.12, 0.48, 0.2)
 """Left, right, bottom, top [in]: the same for all charts, so that their time axes align."""
 
-WIDE = (9.6, 3.3)
-NARROW = (4.1, 3.0)
+WIDE, NARROW = (9.6, 3.3), (4.1, 3.0)
+LOW, LOW_NARROW = (9.6, 2.2), (4.1, 2.4)
 SMALL = (4.6, 2.4)
 """Sizes [in]: two drawings of each chart, as one scaled to a phone's width has letters that nobody
 reads; and one of a motion alone."""
@@ -121,26 +118,6 @@ def _shorter(path: re.Match[str]) -> str:
     return re.sub(r"\s+", " ", text)
 
 
-def time_chart(
-    draw: Callable[[Any], None], ends: tuple[float, float], size: tuple[float, float], name: str
-) -> str:
-    """Draws a chart over time and returns it as SVG.
-
-    Args:
-        draw: draws into the axes, after their ends are set.
-        ends: of the time axis [s].
-        size: of the figure [in].
-        name: of the chart; see svg_text.
-    """
-    with style(name):
-        figure = canvas(size)
-        axes = figure.add_subplot()
-        axes.set_xlim(*ends)
-        draw(axes)
-        axes.set_xlabel("time [s]")
-        return svg_text(figure, name)
-
-
 def draw_line(
     axes: Any,
     t: Array,
@@ -162,8 +139,6 @@ def draw_line(
         points: most points; of more, the extremes of each moment are drawn.
         scale: SI → the axis' unit; heights are shown in mm.
     """  # fmt: skip
-    if np.isfinite(values).sum() > points:
-        dashes = "-"  # between extremes there is no room for dashes
     t, values = envelope(t, scale * values, points)
     axes.plot(t, values, color=colour, linewidth=width, linestyle=dashes)
     alone = lone(values)
@@ -186,11 +161,3 @@ def badge(axes: Any, x: float, letter: str) -> None:
 def chart_points(size: tuple[float, float]) -> int:
     """Returns the maximum number of points of a line in a figure of a given size [in]."""
     return int(POINTS * size[0] / WIDE[0])
-
-
-def time_ends(t: Array) -> tuple[float, float]:
-    """Returns the start and end of the time axis that all charts share [s]."""
-    if len(t) < 2:
-        return (0.0, 1.0) if not len(t) else (float(t[0]) - 0.5, float(t[0]) + 0.5)
-    margin = 0.01 * float(t[-1] - t[0])
-    return float(t[0]) - margin, float(t[-1]) + margin

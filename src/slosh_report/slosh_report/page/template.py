@@ -1,10 +1,9 @@
-"""Template environment of all pages, with filters for numbers, names and images."""
+"""Template environment of all pages, scripts, and texts that HTML can hold."""
 
 from __future__ import annotations
 
 import base64
 import hashlib
-import json
 import re
 from dataclasses import dataclass
 from importlib import resources
@@ -14,7 +13,6 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from slosh_report.page.frame import Frame
-from slosh_report.page.units import DASH, shown
 
 UNREADABLE = re.compile(
     "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\u202a-\u202e\u2066-\u2069]"
@@ -43,8 +41,7 @@ def make_environment(package: str) -> Environment:
         keep_trailing_newline=True,
         finalize=readable,
     )
-    environment.filters.update(data_uri=data_uri, breakable=breakable)
-    environment.globals.update(number=number, exact=exact)
+    environment.filters.update(data_uri=data_uri)
     return environment
 
 
@@ -76,33 +73,6 @@ def script_of(text: str) -> Script:
     digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode("ascii")
     # The text is the project's own and not a user's: it is not escaped, or it would be another.
     return Script(Markup(f"<script>{text}</script>"), f"'sha256-{digest}'")
-
-
-def number(path: str, value: float | None, unit: str = "", digits: int | None = None) -> Markup:
-    """Formats a number for display, with its exact value as a machine-readable attribute.
-
-    Args:
-        path: JSON pointer of the number in the report's document.
-        value: in SI units; None: unknown.
-        unit: in which it is shown.
-        digits: decimals; None: the unit's own.
-
-    Returns:
-        a <data> element: its value is the number as JSON has it, its text the rounded one.
-    """
-    return data_element(path, value, shown(value, unit, digits))
-
-
-def exact(path: str, value: float | None, digits: int | None = None) -> Markup:
-    """Formats a number of unknown unit, with all digits or with a given number of digits."""
-    text = DASH if value is None else repr(value) if digits is None else f"{value:.{digits}g}"
-    return data_element(path, value, text.replace("-", "−"))
-
-
-def data_element(path: str, value: float | None, text: str) -> Markup:
-    """Creates an HTML element with a JSON pointer, the exact value and a text."""
-    value_text = json.dumps(value)
-    return Markup('<data value="{}" data-path="{}">{}</data>').format(value_text, path, text)
 
 
 def readable(value: Any) -> Any:

@@ -1,12 +1,9 @@
-"""Report of a run: one self-contained HTML page, and the same numbers as JSON."""
-
-from __future__ import annotations
-
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+"""Report of a run: a document, as one self-contained HTML page and the same numbers as JSON."""
 
 from slosh_report.page.frame import Frame
 from slosh_report.run_report.data import AzimuthSeries, RunReport
+from slosh_report.run_report.document import render_report, run_document
+from slosh_report.run_report.figures import report_document
 from slosh_report.run_report.rows import (
     CheckRow,
     DifferenceRow,
@@ -20,10 +17,6 @@ from slosh_report.run_report.rows import (
     TopicRow,
     VerificationRow,
 )
-
-if TYPE_CHECKING:
-    from slosh_report.run_report.document import report_document
-    from slosh_report.run_report.page import render_report
 
 __all__ = [
     "AzimuthSeries",
@@ -42,13 +35,5 @@ __all__ = [
     "VerificationRow",
     "render_report",
     "report_document",
+    "run_document",
 ]
-
-# They load the templates, which takes longer than many a replay that makes no page.
-_DRAWING = {"report_document": "document", "render_report": "page"}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _DRAWING:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_DRAWING[name]}"), name)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from slosh_base.types import Array
 from slosh_report.page.series import gap_length, highest
-from slosh_report.page.svg import CARD, INK, MEASURED, NONLINEAR, canvas, style, svg_text
+from slosh_report.page.svg import CARD, INK, MEASURED, NONLINEAR
 from slosh_report.run_report.data import AzimuthSeries, RunReport
 
 SIZE = (4.1, 3.8)
@@ -70,19 +70,15 @@ def azimuth_agreement(report: RunReport) -> AzimuthAgreement:
     return AzimuthAgreement(threshold, float(np.median(difference)), int(counted.sum()))
 
 
-def polar_chart(report: RunReport, name: str) -> str:
+def draw_polar(axes: Any, *, report: RunReport) -> None:
     """Draws measured azimuths as dots and estimated ones as a path that darkens with time."""
     threshold = azimuth_threshold(report)
-    with style(name):
-        figure = canvas(SIZE)
-        figure.subplots_adjust(0.12, 0.11, 0.88, 0.89)
-        axes: Any = figure.add_subplot(projection="polar")
-        if report.estimated_azimuth is not None:
-            _path(axes, *_above(report.estimated_azimuth, threshold))
-        if report.measured_azimuth is not None:
-            _dots(axes, *_above(report.measured_azimuth, threshold))
-        _frame(axes, _emptiest(report, threshold))
-        return svg_text(figure, name)
+    axes.figure.subplots_adjust(0.12, 0.11, 0.88, 0.89)
+    if report.estimated_azimuth is not None:
+        _path(axes, *_above(report.estimated_azimuth, threshold))
+    if report.measured_azimuth is not None:
+        _dots(axes, *_above(report.measured_azimuth, threshold))
+    _frame(axes, _emptiest(report, threshold))
 
 
 def _frame(axes: Any, free: float) -> None:

@@ -1,4 +1,4 @@
-"""Describes the results of `slosh plan`, as text and as values for programs."""
+"""A plan's results in lines of text, and as values for programs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from slosh_base.files.plain_text import plain_line
-from slosh_bringup.cli.rim_option import rim_words
+from slosh_plan.limits import rim_words
 from slosh_plan.planning.given_law import in_words
 from slosh_plan.planning.plan import Plan
 from slosh_plan.planning.plan_tray import TrayPlan
@@ -40,7 +40,7 @@ def tray_lines(name: str, found: TrayPrediction) -> list[str]:
     return [f"planned for container {name}: {', '.join(heights)}", *found.loose_words]
 
 
-def facts(planned: TrayPlan, borne: Tolerance) -> dict[str, object]:
+def tray_facts(planned: TrayPlan, borne: Tolerance) -> dict[str, object]:
     """Returns the planned motion's results as a dictionary in SI units."""
     own: dict[str, object] = {}
     if planned.one.name:
@@ -98,10 +98,10 @@ def law_words(answer: Plan) -> str:
     return f"{duration:.3f} s by {answer.law} ({other}, scaled): {reason}"
 
 
-def summary(
+def plan_lines(
     planned: TrayPlan, output: Path | None, borne: Tolerance, remarks: Sequence[str] = ()
-) -> str:
-    """Formats the planned motion's results in a few lines of text.
+) -> list[str]:
+    """Describes the planned motion's results in a few lines.
 
     Args:
         planned: the motion.
@@ -116,7 +116,7 @@ def summary(
     found, limits = answer.found, answer.limits
     count = len(found.motion.t)
     rows = f"{count} rows in {plain_line(output)}" if output else "not written (-o FILE.csv)"
-    lines = [
+    return [
         *others,
         law_words(answer),
         f"height {1e3 * found.peak:.2f} of {1e3 * limits.height:.4g} mm"
@@ -135,7 +135,6 @@ def summary(
         *([f"remarks: {'; '.join(remarks)}"] if remarks else []),
         f"{rows}, planned in {answer.seconds:.1f} s",
     ]
-    return "\n".join(lines)
 
 
 def tilted(answer: Plan) -> list[str]:

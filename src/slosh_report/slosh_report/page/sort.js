@@ -1,7 +1,7 @@
 "use strict";
 // A column's heading sorts the rows by it; a second press turns the order round.
 
-const table = document.querySelector("table");
+const table = document.querySelector("table[data-sorts]");
 const heads = [...table.tHead.rows[0].cells];
 
 function value(row, column) {

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from urllib.parse import quote
 
-from jinja2 import Template
-
+from slosh_report.document import Column, Document, Paragraph, numbers, table
 from slosh_report.json_values import plain
-from slosh_report.page.template import make_environment, script
 from slosh_report.run_report.rows import RunVerdict
-
-__all__ = ["MARK", "IndexRow", "render_index"]
+from slosh_report.texts import Mark, Place, Text
 
 MARK = '<meta name="generator" content="slosh index">'
 """What an index holds and nothing else does: who finds it may replace the file."""
 NAN = float("nan")
-_FOLDER = "slosh_report.index_page"
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,20 +50,45 @@ class IndexRow:
         return f"{quote(self.name)}.html"
 
 
-def render_index(title: str, rows: Sequence[IndexRow]) -> str:
-    """Renders an index page of runs as HTML.
+_VERDICTS = {
+    RunVerdict.PASSED: "✓ passed",
+    RunVerdict.FAILED: "✗ failed",
+    RunVerdict.NO_EXPECTATION: "–",
+    None: "✗ not replayed",
+}
+
+
+def _name(row: Place) -> Text:
+    name = row.data["name"]
+    return name if row.data["verdict"] is None else Mark(name, link=row.data["link"])
+
+
+COLUMNS = (
+    Column("run", _name, "name"),
+    Column("verdict", lambda row: _VERDICTS[row.data["verdict"]], "verdict"),
+    Column("model", lambda row: row.data["model"]),
+    numbers("MAE [mm]", "sigma", "mm"),
+    numbers("ε [%]", "epsilon", "%"),
+    numbers("highest [mm]", "peak", "mm"),
+    numbers("events", "events"),
+    numbers("images", "images"),
+    numbers("dropped", "dropped"),
+    Column("estimates", lambda row: row.data["reason"] or row.data["estimates"], "name"),
+)
+
+
+def index_document(title: str, rows: Sequence[IndexRow]) -> Document:
+    """Returns a sortable table of runs with links to their pages.
 
     Args:
         title: heading.
         rows: in the order in which they are shown until somebody sorts them.
     """
-    document = [{**plain(row), "link": row.link} for row in rows]
+    data = Place({"rows": [{**plain(row), "link": row.link} for row in rows]})
     failed = sum(row.verdict in (None, RunVerdict.FAILED) for row in rows)
-    return _template().render(
-        title=title, rows=document, failed=failed, mark=MARK, scripts=[script(_FOLDER, "sort.js")]
-    )
-
-
-@cache
-def _template() -> Template:
-    return make_environment(_FOLDER).get_template("index.html.j2")
+    told = (", ", Mark(f"{failed} failed", "b failed")) if failed else ""
+    count = (f"{len(rows)} runs", told, ". Click a column’s heading to sort by it.")
+    caption = "One row for each run, with a link to its page"
+    runs = table(caption, COLUMNS, data["rows"], seen=False, sorts=True, most=len(rows))
+    head = (Paragraph(count, "subtitle"), runs)
+    return Document(title, head, data=data.data, mark=MARK)

@@ -1,8 +1,9 @@
-"""Creates the content of a plan's page, with motions and heights for comparison."""
+"""Other motions along a plan's path, and the band of its heights, for comparison."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -11,11 +12,11 @@ from slosh_base.types import Array
 from slosh_model import Inputs, Model
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.heights import highest_of_each, msh_of
-from slosh_plan.plan_report.data import PlanReport, ShownMotion
 from slosh_plan.planning.checked import CheckedMotion, attitudes, checked
 from slosh_plan.planning.given_law import in_words
 from slosh_plan.planning.plan import Plan
 from slosh_plan.planning.time_law import STEP, PlannedMotion
+from slosh_plan.planning.tolerance import Tolerance
 from slosh_plan.planning.waypoints import Waypoints
 from slosh_plan.prediction import COVERAGE, principal_variants
 from slosh_plan.trajectory import Trajectory
@@ -23,43 +24,114 @@ from slosh_plan.trajectory import Trajectory
 PLANNED, PROPOSAL = "planned", "the waypoints’ own times"
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ShownMotion:
+    """A motion along the path, with its title.
+
+    Attributes:
+        title: for people.
+        kind: of its lines in charts.
+        found: the motion and what it reaches.
+    """
+
+    title: str
+    kind: str
+    found: CheckedMotion
+
+    @property
+    def times(self) -> Array:
+        """Times (M,) [s] of the heights, which continue after the motion's end."""
+        return STEP * np.arange(len(self.found.msh), dtype=np.float64)
+
+    @property
+    def acceleration(self) -> Array:
+        """Magnitude (N,) of the container's acceleration [m/s²]."""
+        return np.asarray(np.linalg.norm(self.found.motion.acceleration, axis=1))
+
+    @property
+    def jerk(self) -> Array:
+        """Magnitude (N - 1,) of the jerk [m/s³], by finite differences."""
+        steps = np.diff(self.found.motion.acceleration, axis=0)
+        return np.asarray(np.linalg.norm(steps, axis=1) / STEP)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanReport:
+    """A plan, with other motions along the same path for comparison.
+
+    Attributes:
+        plan: the plan.
+        borne: which error of the frequency it bears.
+        model: the model's name.
+        motions: the waypoints' own times, if they tell a motion; the best of the known laws; last
+            the planned motion, which may be that law's.
+        waypoints: (N, 3) [m].
+        band: (2, M) lower and upper end of the planned motion's heights (95 %) [m]; None: the
+            model's error is not known.
+        subtitle: where model and path come from; may be empty.
+        remarks: what the reader must know, a sentence each.
+    """
+
+    plan: Plan
+    borne: Tolerance
+    model: str
+    motions: tuple[ShownMotion, ...]
+    waypoints: Array
+    band: Array | None
+    subtitle: str = ""
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def planned(self) -> ShownMotion:
+        """The planned motion."""
+        return self.motions[-1]
+
+    @property
+    def upper(self) -> tuple[float, float] | None:
+        """Upper ends of the 95 % band [m] for peak and residual height; None without a band."""
+        if self.band is None:
+            return None
+        end = len(self.planned.found.motion.t) - 1
+        return float(self.band[1].max()), float(self.band[1][end:].max())
+
+
 def make_report(
     model: Model,
     plan: Plan,
     waypoints: Waypoints,
+    borne: Tolerance,
     subtitle: str = "",
     remarks: Sequence[str] = (),
 ) -> PlanReport:
-    """Creates the content of the HTML page about a plan.
+    """Simulates what a plan is compared with.
 
     Args:
         model: with which it was planned.
         plan: the plan.
         waypoints: the path as it was given.
+        borne: which error of the frequency it bears.
         subtitle: where model and path come from.
         remarks: limits of validity that the motion exceeds.
     """
-    notes = [f"Remarks: {', '.join(remarks)}."] if remarks else []
-    notes += [] if plan.method == "optimal" else [f"No optimal time law: {plan.reason}."]
-    proposal = None
+    told = [f"Remarks: {', '.join(remarks)}."] if remarks else []
+    told += [] if plan.method == "optimal" else [f"No optimal time law: {plan.reason}."]
+    motions = []
     try:
         if plan.found.motion.joints is not None:
             raise SloshPlanError("the joints' own motion is not simulated here")
         motion = proposed_motion(waypoints)
-        proposal = ShownMotion(PROPOSAL, checked(model, [motion], waypoints.attitude)[0])
+        own = checked(model, [motion], waypoints.attitude)[0]
+        motions.append(ShownMotion(PROPOSAL, "thin", own))
     except SloshPlanError as error:
         if len(waypoints.position) > 2:  # two points alone are a line, nobody's motion
-            notes.append(f"The waypoints’ own times are not shown: {error}.")
+            told.append(f"The waypoints’ own times are not shown: {error}.")
+    scaled = plan.scaled
+    if scaled.found is not plan.found:
+        motions.append(ShownMotion(f"{in_words(scaled.law)}, scaled", "linear", scaled.found))
+    motions.append(ShownMotion(PLANNED, "nonlinear", plan.found))
+    band = height_band(model, plan.found, waypoints.attitude)
     return PlanReport(
-        plan=plan,
-        model=model.name,
-        planned=ShownMotion(PLANNED, plan.found),
-        scaled=ShownMotion(f"{in_words(plan.scaled.law)}, scaled", plan.scaled.found),
-        proposal=proposal,
-        waypoints=waypoints.position,
-        band=height_band(model, plan.found, waypoints.attitude),
-        subtitle=subtitle,
-        notes=tuple(notes),
+        plan, borne, model.name, tuple(motions), waypoints.position, band, subtitle, tuple(told)
     )
 
 

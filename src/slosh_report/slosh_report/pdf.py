@@ -1,33 +1,32 @@
-"""Writes a validation report as a PDF file, with fpdf2 and the fonts of matplotlib."""
+"""Writes a document as a PDF file, with fpdf2 and the fonts of matplotlib."""
 
 from __future__ import annotations
 
 import importlib
 import io
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final
 
-from slosh_fleet.validation.content import ValidationReport
-from slosh_fleet.validation.seal import content_digest, content_of, envelope, seal_line, sealed
-from slosh_fleet.validation.sections import VERDICTS, sections, summary
-from slosh_report.blocks import (
+from slosh_report.document import (
     Block,
     Chart,
     Code,
+    Document,
     Facts,
+    Figure,
     Lines,
+    Notice,
     Section,
     Table,
-    cell_text,
 )
 from slosh_report.errors import SloshReportError
+from slosh_report.page.charts import chart_svg
 from slosh_report.page.template import readable
-from slosh_report.run_report.charts import heights_chart
-from slosh_report.run_report.data import RunReport
+from slosh_report.texts import words
 
 HOW_TO_GET: Final = (
     "a PDF needs fpdf2 (pip install -r requirements/pdf.txt); an .html page does not"
@@ -48,28 +47,27 @@ _NO_DATE: Final = datetime(2000, 1, 1, tzinfo=UTC)
 """In the file's properties: equal reports have equal bytes; the date of issue is in the text."""
 
 
-def validation_pdf(report: ValidationReport, runs: Sequence[RunReport]) -> bytes:
-    """Writes a validation report as a sealed PDF file; equal reports give equal bytes.
+def pdf_file(document: Document, footer: tuple[str, str], attached: Mapping[str, str]) -> bytes:
+    """Writes a document of notices, facts, lines, code, tables and charts as a PDF file.
 
     Args:
-        report: what is signed.
-        runs: reports of the recordings' replays, in the order of `report.recordings`.
+        document: what is printed; equal documents give equal bytes.
+        footer: two lines at the end of each page, the second one in a fixed-width font.
+        attached: JSON texts in the file, by name.
 
     Raises:
         SloshReportError: fpdf2 is not installed.
     """
-    content = content_of(report)
-    digest = content_digest(content)
-    pdf = _new_file(report, digest)
-    _title(pdf, report, digest)
-    for number, section in enumerate(sections(report, digest), start=1):
-        _section(pdf, number, section, runs)
-    pdf.embed_file(
-        bytes=envelope(content).encode(), basename="content.json", compress=False,
-        mime_type="application/json", modification_date=_NO_DATE, creation_date=_NO_DATE,
-    )  # fmt: skip
-    head, mark, tail = bytes(pdf.output()).rpartition(b"startxref")
-    return sealed(head + b"%" + seal_line().encode() + b"\n" + mark + tail)
+    pdf = _new_file(document.title, footer)
+    _title(pdf, document)
+    for number, section in enumerate(document.shown, start=1):
+        _section(pdf, f"{number} " * document.numbered, section)
+    for name, text in attached.items():
+        pdf.embed_file(
+            bytes=text.encode(), basename=name, compress=False, mime_type="application/json",
+            modification_date=_NO_DATE, creation_date=_NO_DATE,
+        )  # fmt: skip
+    return bytes(pdf.output())
 
 
 def check_library() -> None:
@@ -88,30 +86,29 @@ def _library() -> Any:
         raise SloshReportError(HOW_TO_GET) from None
 
 
-def _new_file(report: ValidationReport, digest: str) -> Any:
+def _new_file(title: str, footer: tuple[str, str]) -> Any:
     fpdf = _library()
 
-    class Document(fpdf.FPDF):  # type: ignore[name-defined]
-        """PDF document with A4 pages; its footer has title, digest and page number."""
+    class Paper(fpdf.FPDF):  # type: ignore[name-defined]
+        """PDF document with A4 pages."""
 
         def footer(self) -> None:
-            """Writes title, digest and page number at the bottom of a page."""
+            """Writes the two lines and the page number at the bottom of a page."""
             self.set_y(-BOTTOM + 5.0)
             self.set_draw_color(*RULE)
             self.line(MARGIN, self.get_y() - 1.5, MARGIN + WIDTH, self.get_y() - 1.5)
             self.set_font(SANS, "", 6.5)
             self.set_text_color(*SOFT)
-            name = " · ".join(filter(None, (report.document, report.title)))
-            self.cell(WIDTH - 25.0, 3.5, _fitting(self, name, WIDTH - 27.0))
+            self.cell(WIDTH - 25.0, 3.5, _fitting(self, footer[0], WIDTH - 27.0))
             self.cell(25.0, 3.5, f"page {self.page_no()} of {{nb}}", align="R")
             self.ln()
             self.set_font(MONO, "", 6.0)
-            self.cell(WIDTH, 3.5, f"SHA-256 of the content {digest}")
+            self.cell(WIDTH, 3.5, footer[1])
 
-    pdf = Document(format="A4")
+    pdf = Paper(format="A4")
     pdf.set_margins(MARGIN, TOP, MARGIN)
     pdf.set_auto_page_break(True, BOTTOM)
-    pdf.set_title(readable(report.title))
+    pdf.set_title(readable(title))
     pdf.set_creator("slosh report")
     pdf.set_creation_date(_NO_DATE)
     folder = _font_folder()
@@ -135,45 +132,50 @@ def _fitting(pdf: Any, text: str, width: float) -> str:
     return text
 
 
-def _title(pdf: Any, report: ValidationReport, digest: str) -> None:
-    _text(pdf, "Validation report" + f" · document {report.document}" * bool(report.document), 9.0)
+def _title(pdf: Any, document: Document) -> None:
+    _text(pdf, document.before, 9.0)
     pdf.set_font(SANS, "B", 17.0)
     pdf.set_text_color(*INK)
-    pdf.multi_cell(WIDTH, 8.0, readable(report.title), new_x="LMARGIN", new_y="NEXT")
+    pdf.multi_cell(WIDTH, 8.0, readable(document.title), new_x="LMARGIN", new_y="NEXT")
     pdf.ln(2.0)
-    verdict = VERDICTS[report.verdict]
-    pdf.set_font(SANS, "B", 12.0)
-    pdf.set_text_color(*VERDICT_COLOURS[verdict[0]])
-    pdf.multi_cell(WIDTH, 6.0, verdict, new_x="LMARGIN", new_y="NEXT")
-    _text(pdf, summary(report), 9.0)
-    pdf.ln(2.0)
-    _facts(pdf, [("date of issue", report.issued or "_" * 20), ("SHA-256 of the content", digest)])
+    for block in document.head:
+        _block(pdf, block)
 
 
-def _section(pdf: Any, number: int, section: Section, runs: Sequence[RunReport]) -> None:
+def _section(pdf: Any, number: str, section: Section) -> None:
     pdf.ln(5.0)
     if pdf.will_page_break(30.0):
         pdf.add_page()
     pdf.set_font(SANS, "B", 12.0)
     pdf.set_text_color(*INK)
-    pdf.start_section(section.title)
-    pdf.cell(WIDTH, 7.0, f"{number} {section.title}", new_x="LMARGIN", new_y="NEXT")
+    title = words(section.title)
+    pdf.start_section(title)
+    pdf.cell(WIDTH, 7.0, number + title, new_x="LMARGIN", new_y="NEXT")
     for block in section.blocks:
-        _block(pdf, block, runs)
+        _block(pdf, block)
         pdf.ln(2.5)
 
 
-def _block(pdf: Any, block: Block, runs: Sequence[RunReport]) -> None:
-    if isinstance(block, Chart):
-        _chart(pdf, block, runs[block.recording])
-        return
+def _block(pdf: Any, block: Block) -> None:
     drawn: Mapping[type, Callable[[Any, Any], None]] = {
-        Facts: lambda pdf, facts: _facts(pdf, [(row.label, row.text) for row in facts.rows]),
+        Facts: _facts,
         Lines: _lines,
         Code: _code,
         Table: _table,
+        Notice: _notice,
+        Figure: _figure,
     }
     drawn[type(block)](pdf, block)
+
+
+def _notice(pdf: Any, notice: Notice) -> None:
+    title = words(notice.title)
+    pdf.set_font(SANS, "B", 12.0)
+    pdf.set_text_color(*VERDICT_COLOURS.get(title[:1], INK))
+    pdf.multi_cell(WIDTH, 6.0, readable(title), new_x="LMARGIN", new_y="NEXT")
+    for line in notice.lines:
+        _text(pdf, words(line), 9.0)
+    pdf.ln(2.0)
 
 
 def _text(pdf: Any, text: str, size: float, colour: tuple[int, int, int] = SOFT) -> None:
@@ -184,18 +186,19 @@ def _text(pdf: Any, text: str, size: float, colour: tuple[int, int, int] = SOFT)
 
 def _lines(pdf: Any, lines: Lines) -> None:
     for line in lines.lines or (lines.none,):
-        _text(pdf, f"– {line}" if lines.lines else line, 8.5, INK)
+        text = words(line)
+        _text(pdf, f"– {text}" if lines.lines else text, 8.5, INK)
         pdf.ln(0.8)
 
 
 def _code(pdf: Any, code: Code) -> None:
     pdf.set_font(MONO, "", 7.5)
     pdf.set_text_color(*INK)
-    for line in code.text.splitlines():
+    for line in words(code.text).splitlines():
         pdf.multi_cell(WIDTH, 3.6, readable(line) or " ", align="L", new_x="LMARGIN", new_y="NEXT")
 
 
-def _facts(pdf: Any, rows: Sequence[tuple[str, str]]) -> None:
+def _facts(pdf: Any, facts: Facts) -> None:
     pdf.set_draw_color(*RULE)
     pdf.set_font(SANS, "", 8.5)
     options = _library()
@@ -203,64 +206,67 @@ def _facts(pdf: Any, rows: Sequence[tuple[str, str]]) -> None:
         width=WIDTH, col_widths=(42, 140), text_align="L", line_height=4.2, padding=(0.6, 1.0),
         first_row_as_headings=False, borders_layout="NONE", align="L", v_align="T",
     ) as table:  # fmt: skip
-        for label, text in rows:
+        for label, text in facts.rows:
             row = table.row()
-            row.cell(readable(label), style=options.FontFace(color=SOFT))
-            row.cell(readable(text), style=options.FontFace(color=INK))
+            row.cell(readable(words(label)), style=options.FontFace(color=SOFT))
+            row.cell(readable(words(text)), style=options.FontFace(color=INK))
 
 
 def _table(pdf: Any, content: Table) -> None:
     if pdf.will_page_break(22.0):
         pdf.add_page()
-    _text(pdf, content.caption, 8.0)
+    content = content.shown("page")
+    _text(pdf, words(content.caption), 8.0)
     pdf.ln(0.5)
     pdf.set_draw_color(*RULE)
     pdf.set_font(SANS, "", 7.5)
     face = _library().FontFace
-    sides = tuple("RIGHT" if column.right else "LEFT" for column in content.columns)
+    sides = tuple("RIGHT" if column.kind == "n" else "LEFT" for column in content.columns)
     with pdf.table(
         width=WIDTH, col_widths=tuple(column.width for column in content.columns),
         text_align=sides, line_height=3.9, borders_layout="HORIZONTAL_LINES", align="L",
-        padding=(5.0, 1.0, 1.0) if content.tall else (0.9, 1.0),
+        padding=(5.0, 1.0, 1.0) if content.kind == "tall" else (0.9, 1.0),
         headings_style=face(emphasis="BOLD", color=SOFT, fill_color=HEAD), v_align="T",
     ) as table:  # fmt: skip
         head = table.row()
         for column in content.columns:
-            head.cell(column.head, padding=(0.9, 1.0))
+            head.cell(words(column.head), padding=(0.9, 1.0))
         for cells in content.rows:
             row = table.row()
             for cell, column in zip(cells, content.columns, strict=True):
-                text = readable(cell_text(cell))
+                text = readable(words(cell))
                 colour = VERDICT_COLOURS.get(text[:1])
                 if colour is not None and len(text) > 1:
                     row.cell(text, style=face(emphasis="BOLD", color=colour))
-                elif column.code:
+                elif column.kind == "code":
                     row.cell(text, style=face(family=MONO, size_pt=6.0, color=INK))
                 else:
                     row.cell(text, style=face(color=INK))
     pdf.line(pdf.l_margin - 1.0, pdf.get_y(), pdf.l_margin + WIDTH - 1.0, pdf.get_y())
 
 
-def _chart(pdf: Any, chart: Chart, run: RunReport) -> None:
+def _figure(pdf: Any, figure: Figure) -> None:
+    for chart in figure.charts:
+        _chart(pdf, chart)
+
+
+def _chart(pdf: Any, chart: Chart) -> None:
     height = WIDTH * CHART[1] / CHART[0]
     if pdf.will_page_break(height + 8.0):
         pdf.add_page()
-    _text(pdf, chart.caption, 8.0)
-    _legend(pdf, run)
-    svg = heights_chart(run, CHART, f"run-{chart.recording}")
+    _text(pdf, words(chart.caption), 8.0)
+    _legend(pdf, chart)
+    svg = chart_svg(chart, CHART, chart.name)
     pdf.set_font(SANS, "", 8.0)
     pdf.image(io.BytesIO(_drawn(svg).encode()), x=MARGIN, w=WIDTH, h=height)
 
 
-def _legend(pdf: Any, run: RunReport) -> None:
+def _legend(pdf: Any, chart: Chart) -> None:
     colours = _colours()
     pdf.set_font(SANS, "B", 7.5)
-    names = (
-        ("measured", "measured"), ("linear", f"{run.linear_name} (dashed)"),
-        ("nonlinear", run.nonlinear_name),
-    )  # fmt: skip
-    for colour, name in names:
-        pdf.set_text_color(*bytes.fromhex(colours[colour][1:]))
+    for line in chart.lines:
+        name = words(line.name) + " (dashed)" * (line.kind == "linear")
+        pdf.set_text_color(*bytes.fromhex(colours[line.kind][1:]))
         pdf.cell(pdf.get_string_width(name) + 5.0, 4.0, name)
     pdf.ln(4.5)
 

@@ -1,1 +1,0 @@
-"""HTML page with the results of an identification from a measured force."""
