@@ -13,8 +13,8 @@ from types import MappingProxyType
 from typing import Any
 from xml.etree import ElementTree
 
-import setuptools  # type: ignore[import-untyped]
-from setuptools.command.develop import develop  # type: ignore[import-untyped]
+import setuptools
+from setuptools.command.develop import develop
 
 SHARED = ("launch", "config", "layouts")
 """Folders beside the package whose files go to its `share`."""
@@ -26,7 +26,7 @@ class Develop(develop):
     def install_wrapper_scripts(self, dist: Any) -> None:
         """Writes the scripts that start the package's programs."""
         from setuptools.command.develop import VersionlessRequirement
-        from setuptools.command.easy_install import ScriptWriter  # type: ignore[import-untyped]
+        from setuptools.command.easy_install import ScriptWriter
 
         header = ScriptWriter.get_header("", "/usr/bin/env python3")
         for arguments in ScriptWriter.get_args(VersionlessRequirement(dist), header):
