@@ -7,7 +7,7 @@ import sys
 
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.errors import SloshBringupError
-from slosh_motion.tables.columns import SEPARATORS, TIME, TableOptions
+from slosh_motion.tables.columns import SEPARATORS, TIME_UNITS, TableOptions
 
 
 def add_table_options(parser: argparse.ArgumentParser) -> None:
@@ -20,7 +20,7 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     group.add_argument(
         "--time-unit",
-        choices=list(TIME),
+        choices=list(TIME_UNITS),
         help="unit of the table's time column (default: detected)",
     )
     group.add_argument(
