@@ -83,7 +83,7 @@ def discover(
 
     >>> import slosh
     >>> slosh.discover("bags/c3", slosh.replay("bags/c3").model.linear())
-    Finding(named surface_nonlinearity (0.90), rms 2.12 → 0.19 mm, 1 motion)
+    Finding(named surface_nonlinearity (0.91), rms 2.21 → 0.16 mm, 1 motion)
 
     Args:
         data: Recordings, Motions with heights, pandas tables or paths of these; one or a list.

@@ -1,4 +1,4 @@
-"""Reads and writes motion tables in the formats of spreadsheets and scripts."""
+"""Reads every input of a container's motion as one stream, checks it, and compares signals."""
 
 from typing import TYPE_CHECKING
 
@@ -9,4 +9,4 @@ if TYPE_CHECKING:
 
 __all__ = ["MotionTable", "read_motion_table", "write_motion_table"]
 
-__getattr__ = lazy_names(__name__, dict.fromkeys(__all__, "motion_table"))
+__getattr__ = lazy_names(__name__, dict.fromkeys(__all__, "tables.motion_table"))
