@@ -85,6 +85,12 @@ def test_services_page_and_robot(described, tmp_path):
     }
 
 
+def test_a_node_of_an_add_on_that_is_switched_on(described):
+    assert list(described(plc="true")) == [*described(), "plc"]
+    with pytest.raises(ValueError, match="plc:=maybe: must be true or false"):
+        LaunchedCell({"plc": "maybe"}, NOW, print)
+
+
 def test_a_governor_of_commands_or_of_joints(described, tmp_path):
     nodes = described(govern="twist")
     assert list(nodes)[-1] == "governor"

@@ -19,7 +19,7 @@ from rclpy.node import Node
 from websockets.sync.client import connect
 
 from slosh_bringup.processes import NodeGroup, NodeProcess, config_folder, node_environment
-from slosh_msgs.msg import FreeSurface, LimitEvent, NodeSettings, SloshComparison
+from slosh_msgs.msg import FreeSurface, GovernedMotion, LimitEvent, NodeSettings, SloshComparison
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.images import image_message
 from slosh_msgs_py.stamps import to_time
@@ -36,6 +36,7 @@ class Voices(threading.Thread):
     Attributes:
         measured: what they say [m].
         speaks: whether they say anything.
+        share: of a command that a governor follows; None: there is none.
         images: publishes what the camera sees, not compressed.
     """
 
@@ -43,12 +44,14 @@ class Voices(threading.Thread):
         super().__init__(daemon=True)
         self.node = Node("voices", namespace="/slosh")
         self.measured, self.state, self.speaks = 0.0123, 0, True
+        self.share: float | None = None
         self._ended = threading.Event()
         kinds = (
             (FreeSurface, topics.FREE_SURFACE, qos.STREAM_OUT),
             (SloshComparison, topics.COMPARISON, qos.STREAM_OUT),
             (LimitEvent, topics.LIMIT_EVENT, qos.EVENT),
             (NodeSettings, topics.SETTINGS, qos.EVENT),
+            (GovernedMotion, topics.GOVERNED_MOTION, qos.STREAM_OUT),
             (DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS),
         )
         self._out = {
@@ -103,7 +106,9 @@ class Voices(threading.Thread):
             KeyValue(key="image [Hz]", value="59.9"),
             KeyValue(key=NASTY, value=NASTY),
         ]
-        for message in (compared, surface):
+        governed = GovernedMotion(share=self.share or 0.0, state=GovernedMotion.LIMITED, safe=True)
+        told = (compared, surface, *([] if self.share is None else [governed]))
+        for message in told:
             message.header.stamp = stamp
             self._out[type(message)].publish(message)
         self._out[DiagnosticArray].publish(DiagnosticArray(status=[status]))
@@ -175,6 +180,20 @@ class TestLive:
         voices.measured = 0.0187
         page.wait_until("document.getElementById('measured').textContent === '18.7'")
         voices.measured = 0.0123
+        assert page.complaints == []
+
+    def test_an_add_ons_figure_comes_goes_and_is_shown_once(self, browser, cell, voices):
+        page = browser.open(f"http://127.0.0.1:{cell[1]}/")
+        page.wait_until("document.getElementById('verdict').textContent === 'safe'")
+        assert page.value("document.querySelectorAll('.further').length") == 0
+        shown = "document.querySelector('.further')?.textContent"
+        voices.share = 0.37
+        page.wait_until(f"{shown} === 'command followed37 %limited'")
+        voices.share = 0.52
+        page.wait_until(f"{shown} === 'command followed52 %limited'")
+        assert page.value("document.querySelectorAll('.further').length") == 1
+        voices.share = None
+        page.wait_until("document.querySelectorAll('.further').length === 0")
         assert page.complaints == []
 
     def test_names_and_sentences_are_text_whatever_they_hold(self, browser, cell, voices):

@@ -7,6 +7,7 @@ import pytest
 from slosh_bringup.cli.main import main
 from slosh_bringup.cli.new_outline import profile_of
 from slosh_model.model_text import read_model
+from slosh_testing.mode_solver import needs_solver
 
 SCALE = 0.25e-3
 WALL = 0.002
@@ -40,6 +41,7 @@ def test_the_profile_is_the_inside_of_the_outline(roll):
     assert found[-1, 1] == pytest.approx(0.098, abs=1e-6)
 
 
+@needs_solver
 def test_clicks_make_a_model(photograph, tmp_path, capsys):
     outer = [[0.032, 0.0], [0.038, 0.05], [0.044, 0.1]]
     words = [f"{value:.1f}" for value in clicked(np.array(outer)).ravel()]

@@ -120,6 +120,7 @@ class TestFrames:
         assert max(x for x, _ in drawn["outline"]) == 0.1
         assert max(y for y, _ in drawn["across"]) == 0.05
 
+    @needs_solver
     def test_a_prism_is_drawn_from_above(self):
         state = WatchState()
         tray = Tray(width=0.2, depth=0.12, corner_radius=0.03, fill_height=0.04, rim_height=0.07)

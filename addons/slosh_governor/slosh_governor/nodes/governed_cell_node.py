@@ -10,7 +10,7 @@ from geometry_msgs.msg import TwistStamped
 
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.nodes import cell_node
-from slosh_bringup.nodes.cell_messages import accel_message, imu_message, pose_message
+from slosh_bringup.nodes.cell_messages import PUBLISHED, accel_message, imu_message, pose_message
 from slosh_governor.governed_cup import CupSample, GovernedCup, commanded_velocity
 from slosh_governor.nodes.governed_play import GovernedPlay
 from slosh_model.constants import GRAVITY
@@ -37,10 +37,7 @@ class GovernedCellNode(cell_node.CellNode):
     """
 
     parameters = PARAMETERS
-    published = (
-        *cell_node.CellNode.published,
-        (topics.DESIRED_TWIST, TwistStamped, qos.STREAM_OUT),
-    )
+    published = (*PUBLISHED, (topics.DESIRED_TWIST, TwistStamped, qos.STREAM_OUT))
     commands = (topics.DESIRED_TWIST,)
     _followed: GovernedPlay
 
