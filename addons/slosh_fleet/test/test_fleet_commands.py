@@ -126,7 +126,7 @@ def test_the_page_shows_trends_shifts_and_the_worst_motions(months, tmp_path, ca
     assert main(["query", "--store", str(months), "--page", str(page)]) == 0
     text = page.read_text()
     assert "90 motions of 1 cells" in text
-    assert text.count("<svg") == 3
+    assert text.count("<svg") == 6
     assert not re.search(r"(?:src|href)=\"http", text)
     worst = text[text.index('id="worst"') :]
     assert re.search(r"2026-01-13 21:00:00.*?10\.00.*?30\.00.*?20\.00", worst, re.S)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 from pathlib import Path
@@ -25,7 +24,7 @@ from slosh_model.model_text import read_model
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.limits import HeightLimits
 from slosh_plan.planning.limits import ACCELERATION, JERK, RESIDUAL, PlanLimits
-from slosh_report.text import write_document
+from slosh_report.text import printed, write_document
 
 TABLE, BLOCK, PAGE = "map.csv", "stroke.st", "report.html"
 EXIT_ENDS = 1
@@ -138,11 +137,13 @@ def run(arguments: argparse.Namespace) -> int:
                 )
             write_text(folder / TABLE, table_text(found))
             write_text(folder / BLOCK, structured_text(found))
-            write_document(folder / PAGE, map_document(model, found, str(arguments.model)))
+            lines = tuple(summary(found, arguments.output))
+            document = map_document(model, found, str(arguments.model), facts(found), lines)
+            write_document(folder / PAGE, document)
     except SloshPlanError as error:
         print(plain_line(f"slosh motion-map: {error}"), file=sys.stderr)
         return EXIT_ENDS
-    print(json.dumps(facts(found)) if arguments.json else summary(found, arguments.output))
+    print(printed(document, arguments.json), end="")
     return EXIT_ENDS if found.reason else 0
 
 
@@ -166,10 +167,10 @@ def facts(found: MotionMap) -> dict[str, object]:
     }  # fmt: skip
 
 
-def summary(found: MotionMap, output: Path) -> str:
+def summary(found: MotionMap, output: Path) -> list[str]:
     """Describes the motion map in a few lines of text."""
     first, last = found.rows[0], found.rows[-1]
-    lines = [
+    return [
         f"{first.speed:g} to {last.speed:g}/min in {len(found.rows)} rows, "
         f"{len(found.checked)} interpolated speeds simulated: all keep "
         f"{1e3 * found.limits.height:.4g} mm, in the dwell {1e3 * found.limits.residual:.4g} mm",
@@ -182,4 +183,3 @@ def summary(found: MotionMap, output: Path) -> str:
         *([f"no safe stroke above {last.speed:.4g}/min: {found.reason}"] if found.reason else []),
         plain_line(f"{output / TABLE}, {output / BLOCK}, {output / PAGE}"),
     ]
-    return "\n".join(lines)

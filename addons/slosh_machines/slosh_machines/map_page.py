@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -15,12 +16,13 @@ from slosh_report.document import (
     Column,
     Document,
     Figure,
+    Lines,
     Paragraph,
     Section,
     explain,
     table,
 )
-from slosh_report.page.svg import INK, LIMIT, LINEAR, NONLINEAR
+from slosh_report.page.svg import INK, LIMIT, LINEAR, NARROW, NONLINEAR
 from slosh_report.texts import Mark, Number
 
 SIZE = (6.4, 3.0)
@@ -31,13 +33,17 @@ APART = 0.08
 """Least difference of two laws' peaks that are both labelled."""
 
 
-def map_document(model: Model, found: MotionMap, name: str) -> Document:
+def map_document(
+    model: Model, found: MotionMap, name: str, data: Mapping[str, Any], lines: tuple[str, ...]
+) -> Document:
     """Returns a motion map as a document.
 
     Args:
         model: of the liquid.
         found: the map.
         name: of the model's file.
+        data: the results for programs.
+        lines: the short text.
     """
     first, last, stroke = found.rows[0].speed, found.rows[-1].speed, found.stroke
     height, residual = 1e3 * found.limits.height, 1e3 * found.limits.residual
@@ -52,12 +58,12 @@ def map_document(model: Model, found: MotionMap, name: str) -> Document:
         "dark line: height in the dwell",
     )
     waves = Chart(
-        "waves", "", "Heights by speed", keys=keys, sizes=(SIZE,),
+        "waves", "", "Heights by speed", keys=keys, sizes=(SIZE, NARROW),
         draw=partial(_draw_waves, model=model, found=found),
     )  # fmt: skip
     laws = Chart(
         "laws", "Normalised acceleration at some speeds [1/min]",
-        "Normalised acceleration over the stroke", sizes=(SIZE,),
+        "Normalised acceleration over the stroke", sizes=(SIZE, NARROW),
         draw=partial(_draw_laws, found=found),
     )  # fmt: skip
     meaning = (
@@ -84,6 +90,8 @@ def map_document(model: Model, found: MotionMap, name: str) -> Document:
             Section("Laws", (Figure((laws,)),), "laws"),
             Section("Rows", (rows,), "rows"),
         ),
+        data,
+        (Lines(lines),),
     )
 
 

@@ -40,7 +40,7 @@ def test_it_writes_table_program_and_page(run):
         "stroke.st",
     ]
     page = (folder / "report.html").read_text()
-    assert page.count("<svg") == 2
+    assert page.count("<svg") == 4
 
 
 def test_speeds_and_ratio_take_units(run):

@@ -15,6 +15,7 @@ from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
 from slosh_discovery.discover.finding import Verdict, WorstMoment
 from slosh_discovery.discovering import recorded_model
+from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.model_text import parse_model, read_model
 from slosh_motion.tables.motion_table import MotionTable, read_motion_table, write_motion_table
 from slosh_testing.commands import complaint
@@ -249,3 +250,27 @@ def test_groups_that_do_not_part_the_motions_are_one_clear_error(
     line = complaint(capsys, "discover", *tables, *words, "--model", MODEL, "-o", tmp_path / "o")
     assert expected in line
     assert discovery.calls == []
+
+
+def test_a_note_stands_once_in_the_terminal_and_in_the_results(
+    discovery, tables, tmp_path, capsys
+):
+    out = tmp_path / "out"
+    assert main(["discover", tables[0], "--model", MODEL, "-o", str(out)]) == 0
+    note = "no motion is held out: the gap is shown on the motions of the fit"
+    assert capsys.readouterr().err.count(note) == 1
+    assert json.loads((out / "discovery.json").read_text())["remarks"].count(note) == 1
+
+
+def test_what_was_told_before_an_error_is_told(monkeypatch, tables, tmp_path, capsys):
+    def prepared(request, tell):
+        tell("the axes look turned")
+        raise SloshDiscoveryError("run_2.csv: is empty")
+
+    monkeypatch.setattr(discovery_task, "prepare", prepared)
+    out = tmp_path / "out"
+    assert main(["discover", *tables[:2], "--model", MODEL, "-o", str(out)]) == 2
+    *_, note, error = capsys.readouterr().err.splitlines()
+    assert note == "slosh discover: note: the axes look turned"
+    assert error.endswith("run_2.csv: is empty")
+    assert not out.exists()

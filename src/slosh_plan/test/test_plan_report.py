@@ -1,3 +1,4 @@
+import html
 import json
 import re
 from dataclasses import replace
@@ -8,11 +9,15 @@ from headless_browser import View
 
 from slosh_model import Cylinder, Inputs, Model, simulate
 from slosh_model.covariance import Covariance
+from slosh_model.tray import TrayContainer
 from slosh_plan.plan_report.comparison import PROPOSAL, height_band, make_report, proposed_motion
 from slosh_plan.plan_report.document import drawn, plan_document
+from slosh_plan.plan_report.words import plan_lines
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import plan
+from slosh_plan.planning.plan_tray import TrayPlan
+from slosh_plan.planning.robust import LikelyHeights
 from slosh_plan.planning.tolerance import Tolerance
 from slosh_plan.planning.waypoints import Waypoints
 from slosh_report.page.html import html_page
@@ -23,6 +28,7 @@ CUP = replace(Model(Cylinder(0.05, 0.07)).spatial().nonlinear(), natural_frequen
 UNSURE = replace(CUP, covariance=Covariance(("natural_frequency",), ((0.01,),)))
 LIMITS = PlanLimits(0.015, 0.002, 9.5, 74.0)
 POINTS = np.array([[0.0, 0.0, 0.0], [0.1, 0.02, 0.02], [0.2, 0.06, 0.03], [0.3, 0.06, 0.0]])
+ONE = TrayContainer("", UNSURE)
 BORNE = Tolerance(0.005, 0.0152, 0.00213)
 EVIL = '</style><script>window.hacked=1</script><img src=x onerror="hacked=1"> \x00' + "W" * 300
 
@@ -40,7 +46,7 @@ def report_of(model=UNSURE, times=(0.0, 0.2, 0.4, 0.6), points=POINTS, limits=LI
     """Returns a report on the fastest known time law."""
     waypoints = Waypoints(np.array(times), points, None)
     answer = plan(model, path_through(points), limits, time_limit=0.0)
-    return make_report(model, answer, waypoints, BORNE, "path.csv with model.yaml")
+    return make_report(model, TrayPlan(answer, ONE), waypoints, BORNE, "path.csv with model.yaml")
 
 
 @pytest.fixture(scope="module")
@@ -86,9 +92,25 @@ def test_a_line_between_two_points_has_no_own_motion_to_be_noted():
 def test_remarks_on_the_motion_are_on_the_page(report):
     waypoints = Waypoints(np.array([0.0, 0.2, 0.4, 0.6]), POINTS, None)
     page = render_plan(
-        make_report(UNSURE, report.plan, waypoints, BORNE, remarks=["planarity lost"])
+        make_report(
+            UNSURE, TrayPlan(report.plan, ONE), waypoints, BORNE, remarks=["planarity lost"]
+        )
     )
     assert "Remarks: planarity lost." in page
+
+
+def test_the_page_tells_what_the_terminal_tells_of_law_models_tilt_and_joints(report):
+    found = replace(report.plan.found, joints={"joint_velocity": 0.5}, tilt=0.1)
+    answer = replace(report.plan, found=found, limits=replace(LIMITS, tilt=0.2))
+    likely = LikelyHeights(("natural_frequency",), 7, 0.012, 0.001, 1.0, 3)
+    planned = TrayPlan(answer, ONE, likely=likely)
+    lines = plan_lines(planned, None, BORNE)
+    waypoints = Waypoints(np.array([0.0, 0.2, 0.4, 0.6]), POINTS, None)
+    page = html.unescape(render_plan(make_report(UNSURE, planned, waypoints, BORNE)))
+    told = [line for line in lines if line.startswith(("with 7 likely", "tilt", "joints use"))]
+    assert len(told) == 3
+    for line in (*told, lines[1]):
+        assert line[1:] in page
 
 
 @pytest.mark.long

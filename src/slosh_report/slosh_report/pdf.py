@@ -6,10 +6,13 @@ import importlib
 import io
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final
+
+import numpy as np
 
 from slosh_report.document import (
     Block,
@@ -18,8 +21,13 @@ from slosh_report.document import (
     Document,
     Facts,
     Figure,
+    Group,
+    Heading,
+    KeyFigures,
     Lines,
     Notice,
+    Paragraph,
+    Picture,
     Section,
     Table,
 )
@@ -48,7 +56,7 @@ _NO_DATE: Final = datetime(2000, 1, 1, tzinfo=UTC)
 
 
 def pdf_file(document: Document, footer: tuple[str, str], attached: Mapping[str, str]) -> bytes:
-    """Writes a document of notices, facts, lines, code, tables and charts as a PDF file.
+    """Writes a document as a PDF file.
 
     Args:
         document: what is printed; equal documents give equal bytes.
@@ -164,8 +172,30 @@ def _block(pdf: Any, block: Block) -> None:
         Table: _table,
         Notice: _notice,
         Figure: _figure,
+        Paragraph: lambda pdf, one: _text(pdf, words(one.text), 8.5, INK),
+        Heading: lambda pdf, one: _text(pdf, words(one.text), 10.0, INK),
+        KeyFigures: _key_figures,
+        Picture: _picture,
+        Group: _group,
     }
     drawn[type(block)](pdf, block)
+
+
+def _group(pdf: Any, group: Group) -> None:
+    _text(pdf, group.summary, 8.5)
+    for block in group.blocks:
+        _block(pdf, block)
+
+
+def _key_figures(pdf: Any, found: KeyFigures) -> None:
+    rows = ((one.label, (one.value, f" {one.unit} ", one.note)) for one in found.figures)
+    _facts(pdf, Facts(tuple(rows)))
+
+
+def _picture(pdf: Any, picture: Picture) -> None:
+    caption = " ".join(filter(None, (picture.letter, picture.frame.caption)))
+    _text(pdf, caption, 8.0)
+    pdf.image(io.BytesIO(picture.frame.image), w=WIDTH / 3.0)
 
 
 def _notice(pdf: Any, notice: Notice) -> None:
@@ -256,17 +286,27 @@ def _chart(pdf: Any, chart: Chart) -> None:
         pdf.add_page()
     _text(pdf, words(chart.caption), 8.0)
     _legend(pdf, chart)
-    svg = chart_svg(chart, CHART, chart.name)
+    svg = chart_svg(_below_top(chart), CHART, chart.name)
     pdf.set_font(SANS, "", 8.0)
     pdf.image(io.BytesIO(_drawn(svg).encode()), x=MARGIN, w=WIDTH, h=height)
+
+
+def _below_top(chart: Chart) -> Chart:
+    """Returns a chart whose lines do not leave it: on paper nothing cuts them off."""
+    if chart.top is None:
+        return chart
+    most = chart.top / chart.scale
+    lines = (replace(line, values=np.minimum(line.values, most)) for line in chart.lines)
+    return replace(chart, lines=tuple(lines))
 
 
 def _legend(pdf: Any, chart: Chart) -> None:
     colours = _colours()
     pdf.set_font(SANS, "B", 7.5)
     for line in chart.lines:
+        colour = colours.get(line.kind, colours["ink"])
         name = words(line.name) + " (dashed)" * (line.kind == "linear")
-        pdf.set_text_color(*bytes.fromhex(colours[line.kind][1:]))
+        pdf.set_text_color(*bytes.fromhex(colour[1:]))
         pdf.cell(pdf.get_string_width(name) + 5.0, 4.0, name)
     pdf.ln(4.5)
 

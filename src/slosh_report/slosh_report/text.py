@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from slosh_base.files import write_text
-from slosh_base.files.plain_text import plain_line
+from slosh_base.files.plain_text import plain_lines
 from slosh_report.document import Block, Code, Document, Facts, Lines, Paragraph, Table
 from slosh_report.json_values import plain
 from slosh_report.text_table import aligned
@@ -35,21 +35,23 @@ def _lines(block: Block) -> Iterator[str]:
         if rows:
             yield from aligned((heads if any(heads[0]) else []) + rows, sides)
     elif isinstance(block, Lines):
-        yield from (plain_line(words(line)) for line in block.lines)
+        yield from (_line(words(line)) for line in block.lines)
     elif isinstance(block, Facts):
         yield from aligned([[words(label), words(text)] for label, text in block.rows], "<<")
     elif isinstance(block, Paragraph):
-        yield plain_line(words(block.text))
+        yield _line(words(block.text))
     elif isinstance(block, Code):
-        yield from (
-            line if line.isprintable() else plain_line(line)
-            for line in words(block.text).splitlines()
-        )
+        yield from map(_line, words(block.text).splitlines())
 
 
-def json_text(data: Any, indent: int | None = 2) -> str:
+def _line(text: str) -> str:
+    """Returns a text as one line, however long it is."""
+    return plain_lines(text.replace("\n", "\\n"))
+
+
+def json_text(data: Any) -> str:
     """Returns data as strict JSON, identical for identical data; what is not known is null."""
-    return json.dumps(plain(data), indent=indent, allow_nan=False) + "\n"
+    return json.dumps(plain(data), indent=2, allow_nan=False) + "\n"
 
 
 def printed(document: Document, as_json: bool) -> str:

@@ -3,6 +3,7 @@
 import html
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,9 +18,14 @@ from slosh_report.document import (
     Facts,
     Figure,
     Group,
+    Heading,
+    KeyFigure,
+    KeyFigures,
     Line,
     Lines,
+    Notice,
     Paragraph,
+    Picture,
     Section,
     changed_lines,
     numbers,
@@ -27,11 +33,12 @@ from slosh_report.document import (
 )
 from slosh_report.json_values import plain
 from slosh_report.page.charts import chart_svg
+from slosh_report.page.frame import Frame
 from slosh_report.page.html import html_page, inline
 from slosh_report.page.template import readable
 from slosh_report.text import blocks_text, document_text, json_text
 from slosh_report.texts import Bars, Mark, Number, Place, joined, words
-from slosh_testing.reports import CONTROL, Page, at, evil
+from slosh_testing.reports import CONTROL, Page, at, evil, grey_png
 
 TEXTS = st.text(max_size=20)
 VALUES = st.dictionaries(TEXTS, st.floats() | st.none(), min_size=1, max_size=4)
@@ -109,6 +116,29 @@ def test_a_long_table_tells_what_is_left_out_and_columns_know_their_place():
     assert lines[0].split() == ["title", "x", "[mm]", "y", "[mm]", "bars", "short"]
     assert lines[2].split() == ["title", "1.00", "1.00", "s"]
     assert len(lines) == 121 + 6  # of a text all rows; three blocks and what parts them
+
+
+def test_each_kind_of_block_is_printed_on_paper():
+    pytest.importorskip("fpdf", reason="fpdf2 is not installed (requirements/pdf.txt)")
+    from slosh_report.pdf import pdf_file
+
+    shown = everything("title")
+    t = np.linspace(0.0, 1.0, 50)
+    above = Chart("d", "", "seen", (Line("z", "thin", t, t),), top=500.0)
+    more = (
+        Heading("below"), Paragraph("text"), KeyFigures((KeyFigure("x", Number(0.5, "s"), "s"),)),
+        Picture(Frame(grey_png(), "seen", "image/png"), "A"), Figure((above,)),
+        Notice("passed", "✓ Named", ("why",)),
+    )  # fmt: skip
+    shown = replace(shown, sections=(*shown.sections, Section("more", more)), numbered=True)
+    file = pdf_file(shown, ("title", "digest"), {"a.json": "{}"})
+    assert file.startswith(b"%PDF-")
+    assert file == pdf_file(shown, ("title", "digest"), {"a.json": "{}"})
+
+
+def test_a_long_line_of_a_text_is_whole_and_one_line():
+    (line,) = blocks_text((Lines(("a\nb" + 3000 * "c",)),)).splitlines()
+    assert line == "a\\nb" + 3000 * "c"
 
 
 def test_an_empty_table_says_nothing_in_a_text():

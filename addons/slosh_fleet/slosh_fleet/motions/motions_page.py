@@ -23,6 +23,7 @@ from slosh_report.document import (
     table,
 )
 from slosh_report.page.charts import KINDS
+from slosh_report.page.svg import NARROW
 from slosh_report.page.units import DASH
 from slosh_report.texts import Mark, Text
 
@@ -221,7 +222,7 @@ def _trend(
         return Paragraph(f"{label}: not known of any motion.")
     keys = tuple(Mark(one.title, f"key {kind}") for one, kind in zip(drifts, _KINDS, strict=False))
     draw = partial(_draw_days, days=found, factor=factor)
-    chart = Chart(name, f"{label}:", f"{label} by day", draw=draw, keys=keys, sizes=(SIZE,))
+    chart = Chart(name, f"{label}:", f"{label} by day", draw=draw, keys=keys, sizes=(SIZE, NARROW))
     return Figure((chart,))
 
 

@@ -25,7 +25,7 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_model import Model
 from slosh_model.tray import read_tray
 from slosh_plan import HeightLimits, ModelError
-from slosh_plan.plan_report.words import plan_lines, tray_facts
+from slosh_plan.plan_report.words import answer_document
 from slosh_plan.planning.limits import (
     ACCELERATION,
     JERK,
@@ -34,12 +34,12 @@ from slosh_plan.planning.limits import (
     TILT_RATE,
     PlanLimits,
 )
-from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, model_for
-from slosh_plan.planning.plan_tray import plan_container, remarks_of
+from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, model_for
+from slosh_plan.planning.plan_tray import TrayPlan, plan_container, remarks_of
 from slosh_plan.planning.tolerance import Tolerance, frequency_tolerance
 from slosh_plan.tables.joint_table import write_joint_table
 from slosh_plan.tables.path_table import write_plan_table
-from slosh_report.text import write_document
+from slosh_report.text import printed, write_document
 
 LARGEST_FILE = 200_000_000
 """Bytes."""
@@ -171,11 +171,9 @@ def run(arguments: argparse.Namespace) -> int:
     felt = model_for(planned.one.placed, limits, answer.path)
     remarks = remarks_of(planned, limits)
     borne = frequency_tolerance(felt, answer.found.motion, answer.limits, attitude)
-    write_results(arguments, felt, answer, asked, borne, remarks)
-    if arguments.json:
-        print(json.dumps(tray_facts(planned, borne) | {"remarks": remarks}))
-    else:
-        print("\n".join(plan_lines(planned, arguments.output, borne, remarks)))
+    write_results(arguments, felt, planned, asked, borne, remarks)
+    document = answer_document(planned, arguments.output, borne, remarks)
+    print(printed(document, arguments.json), end="")
     return tell.exit_code
 
 
@@ -215,7 +213,7 @@ def model_error(arguments: argparse.Namespace, model: str) -> ModelError | None:
 def write_results(
     arguments: argparse.Namespace,
     model: Model,
-    answer: Plan,
+    planned: TrayPlan,
     asked: AskedPath,
     borne: Tolerance,
     remarks: Sequence[str],
@@ -228,15 +226,15 @@ def write_results(
             from slosh_plan.plan_report.document import plan_document
 
             subtitle = f"{asked.name} with {arguments.model} ({model.name})"
-            report = make_report(model, answer, asked.waypoints, borne, subtitle, remarks)
+            report = make_report(model, planned, asked.waypoints, borne, subtitle, remarks)
             folder = stack.enter_context(new_folder(arguments.report))
             write_document(folder / PAGE, plan_document(report), folder / DOCUMENT)
         if arguments.output is None:
             return
         if asked.joints:
-            write_joint_table(arguments.output, answer.found.motion)
+            write_joint_table(arguments.output, planned.plan.found.motion)
         else:
-            write_plan_table(arguments.output, answer.found.motion, asked.waypoints.attitude)
+            write_plan_table(arguments.output, planned.plan.found.motion, asked.waypoints.attitude)
 
 
 def read_model_error(paths: Sequence[Path], model: str) -> ModelError:

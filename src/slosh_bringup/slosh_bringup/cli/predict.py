@@ -32,7 +32,7 @@ from slosh_plan.robot_file import read_arm
 from slosh_plan.tables.joint_table import read_joint_trajectory
 from slosh_plan.tables.trajectory_table import read_trajectory
 from slosh_plan.tray import TrayPrediction, predict_tray, tray_scales
-from slosh_report.text import document_text, json_text, write_document
+from slosh_report.text import printed, write_document
 
 EXIT_EXCEEDED = 1
 MISSING = "missing: TRAJECTORY; slosh help predict shows how it is given, or give --gantry"
@@ -160,10 +160,7 @@ def run(arguments: argparse.Namespace) -> int:
         write_table(arguments.output, [row.facts for row in rows])
     write_shown(arguments, model, motions, rows)
     document = predicted_document(rows)
-    if arguments.json:
-        print(json_text(document.data, indent=1), end="")
-    else:
-        print(document_text(document))
+    print(printed(document, arguments.json), end="")
     kept = all(one.of_worst.kept and one.stands for one in each)
     return tell.exit_code if kept else EXIT_EXCEEDED
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-from slosh_base.files.plain_text import plain_line
 from slosh_discovery.discover.finding import (
     Finding,
     FittedParameters,
@@ -25,7 +24,7 @@ from slosh_discovery.discovery_report.words import (
     shown_parameter,
     verdict_sentence,
 )
-from slosh_report.document import Block, Code, Lines, Table, plain_table
+from slosh_report.document import Block, Lines, Table, plain_table
 from slosh_report.page.units import DASH, shown
 
 MOMENTS = 3
@@ -42,10 +41,8 @@ Row = tuple[str, ...]
 def brief(report: DiscoveryReport) -> tuple[Block, ...]:
     """Returns verdict, effects, errors and the next commands, as the terminal tells them."""
     finding = report.finding
-    lines = (
-        word if word.isprintable() else plain_line(word)
-        for command in report.commands
-        for word in (f"# {command.purpose}", command.line)
+    commands = tuple(
+        line for command in report.commands for line in (f"# {command.purpose}", command.line)
     )
     return (
         Lines((verdict_sentence(finding),)),
@@ -56,7 +53,7 @@ def brief(report: DiscoveryReport) -> tuple[Block, ...]:
         Lines(tuple(_proposal(finding))),
         Lines(tuple(_separating(report))),
         Lines(report.remarks),
-        Code("\n".join(lines)),
+        Lines(commands),
     )
 
 

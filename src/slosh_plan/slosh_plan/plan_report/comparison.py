@@ -12,9 +12,11 @@ from slosh_base.types import Array
 from slosh_model import Inputs, Model
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.heights import highest_of_each, msh_of
+from slosh_plan.plan_report.words import further_lines
 from slosh_plan.planning.checked import CheckedMotion, attitudes, checked
 from slosh_plan.planning.given_law import in_words
 from slosh_plan.planning.plan import Plan
+from slosh_plan.planning.plan_tray import TrayPlan
 from slosh_plan.planning.time_law import STEP, PlannedMotion
 from slosh_plan.planning.tolerance import Tolerance
 from slosh_plan.planning.waypoints import Waypoints
@@ -97,7 +99,7 @@ class PlanReport:
 
 def make_report(
     model: Model,
-    plan: Plan,
+    planned: TrayPlan,
     waypoints: Waypoints,
     borne: Tolerance,
     subtitle: str = "",
@@ -107,14 +109,15 @@ def make_report(
 
     Args:
         model: with which it was planned.
-        plan: the plan.
+        planned: the plan.
         waypoints: the path as it was given.
         borne: which error of the frequency it bears.
         subtitle: where model and path come from.
         remarks: limits of validity that the motion exceeds.
     """
+    plan = planned.plan
     told = [f"Remarks: {', '.join(remarks)}."] if remarks else []
-    told += [] if plan.method == "optimal" else [f"No optimal time law: {plan.reason}."]
+    told += [f"{line[0].upper()}{line[1:]}." for line in further_lines(planned)]
     motions = []
     try:
         if plan.found.motion.joints is not None:

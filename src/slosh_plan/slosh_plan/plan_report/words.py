@@ -17,6 +17,7 @@ from slosh_plan.planning.plan_tray import TrayPlan
 from slosh_plan.planning.robust import LikelyHeights
 from slosh_plan.planning.tolerance import ERRORS, USUAL, Tolerance
 from slosh_plan.tray import TrayPrediction
+from slosh_report.document import Document, Lines
 
 
 def likely_words(answer: Plan, likely: LikelyHeights) -> str:
@@ -98,6 +99,31 @@ def law_words(answer: Plan) -> str:
     return f"{duration:.3f} s by {answer.law} ({other}, scaled): {reason}"
 
 
+def law_lines(planned: TrayPlan) -> list[str]:
+    """Describes the container that limits a plan, likely models, and the law of the motion."""
+    answer = planned.plan
+    return [
+        *([] if planned.found is None else tray_lines(planned.one.name, planned.found)),
+        *([] if planned.likely is None else [likely_words(answer, planned.likely)]),
+        law_words(answer),
+    ]
+
+
+def further_lines(planned: TrayPlan) -> list[str]:
+    """Describes what a page's table and charts do not tell: law, containers, tilt, joints."""
+    answer = planned.plan
+    return [*law_lines(planned), *tilted(answer), *joints_used(answer)]
+
+
+def answer_document(
+    planned: TrayPlan, output: Path | None, borne: Tolerance, remarks: Sequence[str]
+) -> Document:
+    """Returns what `slosh plan` prints; see plan_lines."""
+    lines = plan_lines(planned, output, borne, remarks)
+    facts = tray_facts(planned, borne) | {"remarks": remarks}
+    return Document(lines[0], data=facts, brief=(Lines(tuple(lines)),))
+
+
 def plan_lines(
     planned: TrayPlan, output: Path | None, borne: Tolerance, remarks: Sequence[str] = ()
 ) -> list[str]:
@@ -110,15 +136,11 @@ def plan_lines(
         remarks: what `slosh predict` remarks on the same motion.
     """
     answer = planned.plan
-    others = [] if planned.found is None else tray_lines(planned.one.name, planned.found)
-    if planned.likely is not None:
-        others.append(likely_words(answer, planned.likely))
     found, limits = answer.found, answer.limits
     count = len(found.motion.t)
     rows = f"{count} rows in {plain_line(output)}" if output else "not written (-o FILE.csv)"
     return [
-        *others,
-        law_words(answer),
+        *law_lines(planned),
         f"height {1e3 * found.peak:.2f} of {1e3 * limits.height:.4g} mm"
         + (f" (the {limits.height_name})" if limits.at_rim else "")
         + rim_words(answer.distance_to_rim)
