@@ -44,6 +44,10 @@ UPWARDS = {
         "slosh_bag/mcap_files/checksum.py",
         "slosh_bag.reader",
     ),
+    "Inputs of a recording are above inputs, these above their checks": (
+        "slosh_motion/checks/constancy.py",
+        "slosh_motion.inputs.gate",
+    ),
     "A replay is above what a recording holds": (
         "slosh_replay/recording/heights.py",
         "slosh_replay.replay",

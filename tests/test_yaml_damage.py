@@ -20,9 +20,9 @@ from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_camera.calibrate.intrinsics import read_known_camera
 from slosh_camera.errors import SloshCameraError
-from slosh_estimator.errors import SloshEstimatorError
 from slosh_model.errors import SloshModelError
 from slosh_model.model_text import read_model
+from slosh_motion.errors import SloshMotionError
 from slosh_motion.recorded.settings import node_start
 from slosh_replay.manifest import read_manifest
 
@@ -75,7 +75,7 @@ def shipped_metadata() -> str:
 
 
 KINDS = {
-    "model": Kind(shipped("model.yaml"), read_model, (SloshModelError, SloshEstimatorError)),
+    "model": Kind(shipped("model.yaml"), read_model, (SloshModelError, SloshMotionError)),
     "camera": Kind(shipped("camera.yaml"), read_any_calibration, (SloshCameraError,)),
     "intrinsics": Kind(shipped("camera.yaml"), read_known_camera, (SloshCameraError,)),
     "cell": Kind(CELL, read_setup, (SloshBringupError,)),

@@ -165,7 +165,7 @@ def test_without_a_model_it_asks_for_one(shop, tmp_path, capsys):
     ("columns", "refusal"),
     [
         ("{x:.6f},0,0,0", "all heights are 0"),
-        ("1e300,0,0,{x:.6f}", "accelerations reach 1e+300 m/s²"),
+        ("1e300,0,0,{x:.6f}", "an acceleration of 1e+300 m/s²"),
     ],
 )
 def test_a_table_of_no_measurement_gets_one_line(shop, tmp_path, capsys, columns, refusal):

@@ -141,6 +141,21 @@ def test_a_jump_of_the_tracker_that_lasts_starts_the_window_anew() -> None:
     assert samples[28][0].restarted
 
 
+@pytest.mark.parametrize("way", [(16.0, 28.0, 33.0), (0.0, 16.0, 0.0)])
+def test_a_fast_turn_that_goes_on_is_used_and_one_that_comes_back_is_not(
+    way: tuple[float, ...],
+) -> None:
+    pose = PoseInput(GATE, checks=True)
+    angles = [0.0] * 60 + [*way] + [way[-1]] * 60
+    for k, angle in enumerate(angles):
+        half = 0.5 * math.radians(angle)
+        pose.update(20 * k * MS, (0.3, 0.2, 0.8), (math.sin(half), 0.0, 0.0, math.cos(half)))
+    away = way[-1] == 0.0
+    assert pose.gate.counts[SampleVerdict.JUMP] == away
+    assert pose.gate.used == len(angles) - away
+    assert any("leap by up to" in doubt.text for doubt in pose.message_doubts()) == away
+
+
 @pytest.mark.parametrize("zeros", [1, 3])
 @pytest.mark.parametrize("rate", [30, 125])
 def test_zeros_now_and_then_are_not_used(zeros: int, rate: int) -> None:

@@ -23,6 +23,7 @@ from trajectory_msgs.msg import (
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_model.model_text import parse_model
 from slosh_model.motion_profiles import quintic
+from slosh_motion.errors import SloshMotionError
 from slosh_motion.inputs.robot import available
 from slosh_msgs.msg import (
     ContainerChange,
@@ -414,7 +415,7 @@ def test_a_motion_of_joints_is_that_of_the_cup_that_they_carry(cell: Cell, tmp_p
 def test_a_robot_that_is_none_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SloshEstimatorError, match="give the link"):
         read_arm(tmp_path / "no.urdf", "")
-    with pytest.raises(SloshEstimatorError, match="No such file"):
+    with pytest.raises(SloshMotionError, match="No such file"):
         read_arm(tmp_path / "no.urdf", "cup")
 
 
