@@ -114,6 +114,17 @@ def test_the_edge_of_a_ring_close_above_a_pale_level_is_not_the_level(make_scene
     check_line(image, believed(scene, 0.0))
 
 
+def test_the_upper_edge_of_a_ring_that_hides_a_part_of_the_step_is_not_the_level(make_scene):
+    scene = make_scene(
+        liquid=180, surface=192, camera_height=-0.03, radius=0.032, fill_height=0.05,
+        rim_height=None, distance=0.34, focal=1500.0,
+    )  # fmt: skip
+    image = edge_image(banded(scene, 0.0012, 0.0026))
+    with pytest.raises(SloshCameraError, match="2 mm below the best fit parts two colours more"):
+        check_line(image, believed(scene, 0.0026))
+    check_line(image, believed(scene, 0.0))
+
+
 @pytest.mark.parametrize("height", [0.03, 0.06])
 def test_the_rear_line_of_a_level_is_not_its_front_line(make_scene, height):
     """A liquid that looks as its surface shows the rear line alone, which bows as a front one
@@ -121,7 +132,9 @@ def test_the_rear_line_of_a_level_is_not_its_front_line(make_scene, height):
     scene = make_scene(liquid=60, surface=60, camera_height=height)
     image, view = edge_image(scene.with_sides(scene.draw())), scene.calibration().view
     below = _from_other_side(place_of(view.pose)[0], view.cup, -height)
-    with pytest.raises(SloshCameraError, match=r"the rear one of a level \d+ mm below") as caught:
+    with pytest.raises(
+        SloshCameraError, match=r"the rear one of a level \d+ mm below it"
+    ) as caught:
         check_exchange(image, view_at(view.camera, view.cup, below), Curve.FRONT)
     assert "--level U V" in str(caught.value)
 

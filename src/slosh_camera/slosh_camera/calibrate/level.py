@@ -145,9 +145,12 @@ def check_line(edges: EdgeImage, view: CupView) -> None:
     evidence = own_lines(edges, view, strip) * step
     here = np.abs(heights) <= TUNING.line_slack * radius
     possible = ~here & _may_be_level(edges, view, strip, top)
-    found = np.where(possible, evidence, 0.0)
-    other = int(np.argmax(found))
-    if found[other] > TUNING.better * float(np.max(evidence[here])):
+    # Close above a level a ring hides a part of the change of colour that the level makes.
+    close = (heights < -TUNING.far_level) & (heights > -TUNING.close_below * radius)
+    needed = np.where(close, TUNING.better_close, TUNING.better) * float(np.max(evidence[here]))
+    surplus = np.where(possible, evidence - needed, 0.0)
+    other = int(np.argmax(surplus))
+    if surplus[other] > 0.0:
         raise asked(f"a line {_apart(heights[other])} the best fit parts two colours more")
 
 
@@ -174,29 +177,31 @@ def check_exchange(edges: EdgeImage, view: CupView, line: Curve) -> None:
     kept = tuple(one for one in seen if one.curve in (*WETTED, line))
     other = Curve.REAR if line is Curve.FRONT else Curve.FRONT
     renamed = tuple(replace(one, curve=other) if one.curve is line else one for one in kept)
-    least = TUNING.other_height * place.distance
-    heights = (abs(place.height), max(abs(place.height), least))
     sign = 1.0 if other is Curve.REAR else -1.0
-    starts = [_from_other_side(place, view.cup, sign * height) for height in sorted(set(heights))]
+    heights = {abs(place.height), max(abs(place.height), TUNING.other_height * place.distance)}
+    starts = [_from_other_side(place, view.cup, sign * height) for height in sorted(heights)]
     own = fit_place(edges, told, place, found=kept)
     tries = [fit_place(edges, told, start, found=renamed) for start in starts]
     # From below the rear line is hidden behind the liquid.
     rivals = [one for one in tries if one is not None and sign * one.place.height > 0.0]
-    if not rivals:
+    rival = min(rivals, key=_misfit, default=None)
+    # A meniscus has several edges on the front wall, and the front line is between them.
+    moved = _level_of(own, view) if own is not None and line is Curve.REAR else 0.0
+    if abs(moved) > TUNING.same_height:
+        raise asked(f"the rear line alone puts the level {_apart(moved)} the best fit")
+    if rival is None or abs(height := _level_of(rival, view)) <= TUNING.same_height:
         return
-    rival = min(rivals, key=_misfit)
-    if own is not None and _misfit(rival) > max(
-        TUNING.exchanged * _misfit(own), TUNING.least_error
-    ):
-        return
-    other_view = view_at(rival.camera, rival.cup, rival.place)
-    front = other_view.project_wall(other_view.camera_azimuth, 0.0, Wall.FRONT)
-    height = float(view.on_wall(front, Wall.FRONT)[1][0])
-    if not abs(height) <= TUNING.same_height:
-        raise asked(
-            f"the line may as well be the {other.value.removeprefix('still level, ')} one of a "
-            f"level {_apart(height)} the best fit"
-        )
+    most = TUNING.exchanged * _misfit(own) if own is not None else np.inf
+    if _misfit(rival) <= max(most, TUNING.least_error):
+        name = other.value.removeprefix("still level, ")
+        raise asked(f"the line may as well be the {name} one of a level {_apart(height)} it")
+
+
+def _level_of(fit: PlaceFit, view: CupView) -> float:
+    """Returns the height of a fit's front line on the front wall of a view [m]; NaN: not on it."""
+    own = view_at(fit.camera, fit.cup, fit.place)
+    front = own.project_wall(own.camera_azimuth, 0.0, Wall.FRONT)
+    return float(view.on_wall(front, Wall.FRONT)[1][0])
 
 
 def _from_other_side(place: CameraPlace, cup: Cup, height: float) -> CameraPlace:

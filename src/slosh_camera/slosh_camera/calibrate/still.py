@@ -142,7 +142,7 @@ def _check_level(task: _Task, answer: StillFit) -> None:
     edges, view = edge_image(small.image), view_at(small.camera, cup, place)
     check_line(edges, view)
     front, rear = (shares.get(one.value, 0.0) for one in (Curve.FRONT, Curve.REAR))
-    if min(front, rear) < TUNING.least_share:
+    if min(front, rear) < (TUNING.least_share if front >= rear else TUNING.clear_share):
         check_exchange(edges, view, Curve.FRONT if front >= rear else Curve.REAR)
 
 

@@ -67,6 +67,8 @@ class CalibrateTuning:
     exchanged: float = number(1.15, "1", "misfit of the other line that is as good")
     least_rear: float = number(0.3, "1", "least part of the rear line where it should be")
     better: float = number(1.5, "1", "strength of another line that is more like a level")
+    better_close: float = number(1.1, "1", "the same of a line close below")
+    close_below: float = number(0.25, "radius", "distance of a line close below")
     # edges.py, upright lines
     most_lean: float = number(0.36, "px/row", "largest lean of a line against the columns")
     lean_error: float = number(0.15, "px/row", "largest lean of an edge against its line")
