@@ -22,7 +22,7 @@ RUN = [step["run"] for step in STEPS if "run" in step]
 OPTIONAL = {"plan", "plc", "fleet", "joints", "modes", "pdf"}
 """Optional requirements that users install as an extra."""
 MODEL = "src/slosh_bringup/config/model.yaml"
-"""That the recordings' manifest names."""
+"""A model that a manifest of recordings can name."""
 
 
 def test_the_file_runs_what_the_pages_say():
@@ -76,8 +76,12 @@ def test_its_steps_replay_the_recordings(repository):
     assert done.returncode == 0, done.stderr
     assert "9 of 9 bags as expected" in done.stderr
     assert 'failures="0"' in (repository / "replay.xml").read_text()
-    # A changed model is a failure.
-    model = repository / MODEL
+    # A changed model is a failure, where the manifest names it.
+    manifest, model = repository / "bags/manifest.yaml", repository / MODEL
+    manifest.write_text(
+        manifest.read_text().replace("  c:\n", f"  c:\n    model: ../{MODEL}\n", 1)
+    )
+    assert typed(repository, replay).returncode == 0
     model.write_text(model.read_text().replace("fill_height: 0.07", "fill_height: 0.071"))
     assert typed(repository, replay).returncode == 1
 

@@ -12,8 +12,8 @@ REST = np.zeros(3)
 SEEDS = {
     study.PLAIN: (16, 46), study.UNEVEN: (10, 18), study.CLOCK: (2, 16), study.NUMBERS: (6, 16),
     study.AGAIN: (2, 8), study.OTHER: (6, 10), study.KILLED: (6, 10), study.MOVING: (2, 18),
-    study.SMALL: (8, 12), "observer: it stops at once": (42, 2),
-    "observer: its images frozen": (2, 12), "its stddev −1": (6, 12), "its factor 0": (8, 12),
+    study.SMALL: (8, 12), "observer: it stops at once": (42, 6),
+    "observer: its images frozen": (2, 6), "its stddev −1": (6, 12), "its factor 0": (8, 12),
     "its stamps 0.1 s early": (2, 12),
     "its states at half scale": (8, 10), "its states frozen": (2, 6),
 }  # fmt: skip
