@@ -17,9 +17,9 @@ LOADED = {
 }  # fmt: skip
 
 
-def build(builder, folder):
+def build(folder):
     """Builds the documentation pages anew; returns what is complained of."""
-    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", builder]
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html"]
     done = subprocess.run(
         [*command, str(ROOT / "docs"), str(folder)],
         capture_output=True, text=True, check=False, cwd=ROOT,
@@ -43,14 +43,10 @@ class Addresses(HTMLParser):
             self.loaded.append(given.get(LOADED[tag]) or "")
 
 
-def test_all_pages_are_read_and_their_links_lead_somewhere(tmp_path):
-    assert build("dummy", tmp_path) == ""
-
-
 @pytest.mark.long
 def test_nothing_is_loaded_from_outside(tmp_path):
     built = tmp_path / "html"
-    assert build("html", built) == ""
+    assert build(built) == ""
     pages = sorted(built.rglob("*.html"))
     assert len(pages) > 60
     for page in pages:

@@ -100,6 +100,7 @@ def test_all_tests_of_the_core_can_be_loaded():
     assert done.returncode == 0, done.stdout[-3000:]
 
 
+@pytest.mark.long
 def test_a_part_of_the_tests_of_the_core_passes():
     own = [ROOT / "src/slosh_bringup/test" / f"{name}.py" for name in TESTS]
     done = alone(*own, "-q", "-p", "no:cacheprovider", "-p", "no:xdist", module="pytest")

@@ -157,12 +157,14 @@ def test_a_monitor_on_simulated_time_gives_the_same_again(tmp_path: Path, domain
         recorder = graph.with_parameters(RecorderNode, CELL, output=str(tmp_path / "bag"))
         graph.with_parameters(MonitorNode, CELL, timeout=0.2, use_sim_time=True)
         heard = graph.listen(SloshComparison, topics.COMPARISON)
+        journals = graph.listen(Journal, topics.JOURNAL)
         graph.until(lambda: len(heard) > 2, "comparisons before the clock")
         clock = graph.publisher(Clock, "/clock")
         estimates = graph.publisher(SloshEstimate, topics.ESTIMATE)
         surfaces = graph.publisher(FreeSurface, topics.FREE_SURFACE)
         graph.until(lambda: estimates.get_subscription_count() >= 2, "recorder and monitor")
         graph.until(lambda: surfaces.get_subscription_count() >= 2, "recorder and monitor")
+        graph.until(lambda: clock.get_subscription_count() >= 2, "recorder and monitor")
         before = len(heard)
         for k in range(COUNT):
             now = to_time(5 * SECOND + k * STEP_NS)
@@ -178,6 +180,8 @@ def test_a_monitor_on_simulated_time_gives_the_same_again(tmp_path: Path, domain
                 surfaces.publish(seen)
             graph.executor.spin_once(timeout_sec=0.001)
         graph.until(lambda: len(heard) >= before + COUNT // 10, "comparisons")
+        written = len(journals)
+        graph.until(lambda: len(journals) > written, "the journal of all that was taken")
         _drain(graph)
         recorder.close()
     finally:
