@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import subprocess
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -196,3 +197,39 @@ def test_every_tuning_number_is_used(path):
         if bound:
             used |= set(re.findall(rf"\b{bound[1] or 'TUNING'}\.(\w+)", text))
     assert used == names
+
+
+def given_twice(text):
+    """Returns the names that a module gives to two values, of which the first is lost."""
+    given = []
+    for node in ast.parse(text).body:
+        if isinstance(node, ast.ClassDef):
+            given.append(node.name)
+        elif isinstance(node, ast.FunctionDef):
+            given += (
+                []
+                if any("overload" in ast.unparse(d) for d in node.decorator_list)
+                else [node.name]
+            )
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            inner = [one for target in targets for one in ast.walk(target)]
+            given += [
+                one.id
+                for one in inner
+                if isinstance(one, ast.Name) and isinstance(one.ctx, ast.Store)
+            ]
+    return {name for name, count in Counter(given).items() if count > 1}
+
+
+def test_no_module_gives_a_name_twice():
+    modules = [*ROOT.glob("src/slosh*/slosh*/**/*.py"), *ROOT.glob("addons/slosh*/slosh*/**/*.py")]
+    assert {path: names for path in modules if (names := given_twice(path.read_text()))} == {}
+
+
+@pytest.mark.parametrize(
+    "planted",
+    ["A = 1\nA = 2\n", "A, B = 1, 2\nC, B = 3, 4\n", "A: int = 1\n\n\ndef A():\n    pass\n"],
+)
+def test_a_name_that_is_given_twice_is_refused(planted):
+    assert given_twice(planted)
