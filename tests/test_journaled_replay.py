@@ -192,6 +192,25 @@ def test_a_monitor_on_simulated_time_gives_the_same_again(tmp_path: Path, domain
     assert compared.recorded > COUNT // 10
 
 
+def test_settings_that_the_recorder_heard_seconds_later_are_used(
+    bag: Path, tmp_path: Path
+) -> None:
+    """A recorder finds a latched topic late on a busy machine."""
+    late = f"{CELL}/{topics.SETTINGS}"
+    with BagWriter(tmp_path / "late") as writer:
+        for message in sorted(
+            BagReader(bag).messages(),
+            key=lambda one: one.log_ns + 5 * SECOND * (one.topic == late),
+        ):
+            writer.add_topic(message.topic, message.message_type)
+            log_ns = message.log_ns + 5 * SECOND * (message.topic == late)
+            writer.write(message.topic, message.data, log_ns, message.publish_ns)
+    found = replay_journals(tmp_path / "late")
+    assert not any(one.lacking for one in found.processes)
+    assert found.verified[topics.COMPARISON].exact
+    assert not found.verified[topics.COMPARISON].unchecked
+
+
 def test_a_message_that_was_not_recorded_is_named_and_ends_the_comparison_until_a_state(
     bag: Path, tmp_path: Path
 ) -> None:

@@ -31,7 +31,7 @@ from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.offline import Place
 from slosh_replay.journaled.outputs import UNTAKEN, ComparedOutput, Recorded
 from slosh_replay.journaled.process import LONG_AGO, Process, State
-from slosh_replay.journaled.taken import ProcessNotes, RecentMessages
+from slosh_replay.journaled.taken import LATCHED, ProcessNotes, RecentMessages
 from slosh_replay.replay.verification import Tally, Verification
 
 
@@ -205,6 +205,10 @@ class _Replay:
     def run(self) -> JournaledReplay:
         """Reads the recording and returns the result."""
         heard = [one for one, kind in self._types.items() if kind not in self._unread]
+        # A recorder may find a latched topic seconds after a node took it: read beforehand.
+        few = [one for one in heard if 0 < (self._reader.topics()[one].count or 0) <= LATCHED]
+        for message in self._reader.messages([one for one in few if one != self._journal]):
+            self._messages.add(message)
         for message in self._reader.messages(heard) if self._journal in self._types else ():
             if message.topic == self._journal:
                 self._waiting.append(message)
