@@ -283,7 +283,8 @@ CASES = {
         "predict SHOP/model.yaml SHOP/motion.csv --plot OUT/a.png", "a.png", limit=2_000
     ),
     "calibrate --page": Case(
-        "calibrate SHOP/still.png --model SHOP/model.yaml -o NEW --page OUT/a.html", "a.html",
+        "calibrate SHOP/still.png --model SHOP/model.yaml -o NEW.yaml --page OUT/a.html",
+        "a.html",
         limit=2_000,
     ),
     "plan": Case("plan SHOP/model.yaml SHOP/path.csv --limit 0.02 -o OUT/a.csv", "a.csv"),
