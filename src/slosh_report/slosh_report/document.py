@@ -294,7 +294,7 @@ class Document:
         title: its main statement.
         head: blocks below the title.
         sections: in order; those without blocks are left out.
-        data: numbers and names in SI units, as JSON has them; NumberS point into it.
+        data: numbers and names in SI units, as JSON has them; each Number points into it.
         brief: blocks of the short text for the terminal.
         before: line above the title.
         contents: whether sections are listed at the top.

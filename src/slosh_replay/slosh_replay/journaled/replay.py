@@ -202,13 +202,28 @@ class _Replay:
         except SloshBagError:
             return True  # nothing here can read it
 
+    def _read_latched(self) -> None:
+        """Reads the few messages of latched topics before all others.
+
+        A recorder may find such a topic seconds after a node took its message. What is latched but
+        frequent, as calm is in a long recording, is not worth a second reading.
+        """
+        kinds = {row.type for row in topics.TOPICS if row.latched} - self._unread
+        few = [
+            topic
+            for topic, info in self._reader.topics().items()
+            if info.message_type in kinds
+            and topic != self._journal
+            and 0 < (info.count or 0) <= LATCHED
+        ]
+        for message in self._reader.messages(few):
+            self._messages.add(message)
+
     def run(self) -> JournaledReplay:
         """Reads the recording and returns the result."""
+        if self._journal in self._types:
+            self._read_latched()
         heard = [one for one, kind in self._types.items() if kind not in self._unread]
-        # A recorder may find a latched topic seconds after a node took it: read beforehand.
-        few = [one for one in heard if 0 < (self._reader.topics()[one].count or 0) <= LATCHED]
-        for message in self._reader.messages([one for one in few if one != self._journal]):
-            self._messages.add(message)
         for message in self._reader.messages(heard) if self._journal in self._types else ():
             if message.topic == self._journal:
                 self._waiting.append(message)
